@@ -1,0 +1,35 @@
+//! Friction laws: the force that opposes motion, as a function of velocity.
+//!
+//! Every law obeys one sign convention: `F(v)` is positive for positive `v`, so that it enters the equation
+//! of motion as `J·v̇ = k·u − F(v)`. At exactly `v = 0` a law of this kind is set-valued; [`Friction::reaction`]
+//! resolves the set from the other forces, so that an axis below its break-away level stays at rest.
+
+mod coulomb_viscous;
+mod stribeck;
+
+pub use coulomb_viscous::CoulombViscous;
+pub use stribeck::{Curve, Stribeck};
+
+use crate::Scalar;
+
+/// A friction law without internal state.
+pub trait Friction<S: Scalar> {
+    /// Friction while sliding, in N·m or N; zero at `v = 0`.
+    fn sliding(&self, velocity: S) -> S;
+
+    /// The largest reaction at rest, in N·m or N: motion starts when the active force exceeds it.
+    fn break_away(&self) -> S;
+
+    /// The reaction to `active`, the sum of all other forces on the axis.
+    ///
+    /// While sliding this is [`Friction::sliding`]. At rest the reaction balances `active` exactly up to the
+    /// break-away level and is limited to it beyond. (The extended abstract of the source prints
+    /// `max{Fc, |a|}` in its eq. 11; inside the sticking area the physical reaction has the magnitude of `a`.)
+    fn reaction(&self, velocity: S, active: S) -> S {
+        if velocity == S::ZERO {
+            active.clamp_symmetric(self.break_away())
+        } else {
+            self.sliding(velocity)
+        }
+    }
+}

@@ -1,0 +1,21 @@
+//! The physics and the estimation of Bristle, shared by the host and the motor driver.
+//!
+//! Everything here is pure: no clock, no allocation, no I/O. Time arrives as an argument and storage is
+//! lent by the caller, so the code that a simulation tests is the code that the board runs.
+//!
+//! - [`scalar`]: the arithmetic a law needs, so that one source serves `f64`, `f32` and, later, fixed point.
+//! - [`friction`]: friction laws as functions of velocity.
+//! - [`weak`]: test functions, windowed functionals and least squares with covariance.
+//!
+//! Sign convention throughout: friction `F` *opposes* motion and is positive for positive velocity, so the
+//! equation of motion is `J·q̈ = k·u − F`.
+#![no_std]
+
+#[cfg(test)]
+extern crate std;
+
+pub mod friction;
+pub mod scalar;
+pub mod weak;
+
+pub use scalar::Scalar;
