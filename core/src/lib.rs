@@ -5,6 +5,7 @@
 //!
 //! - [`scalar`]: the arithmetic a law needs, so that one source serves `f64`, `f32` and, later, fixed point.
 //! - [`friction`]: friction laws as functions of velocity.
+//! - [`link`]: the messages between the host and a board, and their framing.
 //! - [`weak`]: test functions, windowed functionals and least squares with covariance.
 //!
 //! Sign convention throughout: friction `F` *opposes* motion and is positive for positive velocity, so the
@@ -15,6 +16,7 @@
 extern crate std;
 
 pub mod friction;
+pub mod link;
 pub mod scalar;
 pub mod weak;
 
