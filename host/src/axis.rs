@@ -1,0 +1,85 @@
+//! The equation of motion of a complete model, ready to be integrated.
+
+use bristle_core::friction::{CoulombViscous, Friction};
+
+use crate::effects::{Effect, Point};
+use crate::error::{Error, Result};
+use crate::model::{Model, Motion};
+use crate::system;
+
+/// A model with numbers: `J·v̇ = k·u − F(q, v)`.
+pub struct Axis {
+    /// `J`.
+    pub inertia: f64,
+    /// `k`.
+    pub gain: f64,
+    /// How much later than recorded the input acts, s.
+    pub delay: f64,
+    law: CoulombViscous<f64>,
+    terms: Vec<(&'static dyn Effect, f64, Vec<f64>)>,
+    motion: Motion,
+}
+
+/// Room for the basis of any effect.
+const WIDEST: usize = 4;
+
+impl Axis {
+    /// Takes the numbers out of a model; a message names the first one missing.
+    pub fn new(model: &Model) -> Result<Self> {
+        if let Some(missing) = model.first_unknown() {
+            return Err(Error::Usage(format!(
+                "the model has no value for {missing}; run bristle identify first, or write a number"
+            )));
+        }
+        let value = |p: &crate::model::Parameter| p.value.unwrap_or(0.0);
+        let coulomb = value(&model.coulomb);
+        Ok(Self {
+            inertia: value(&model.inertia),
+            gain: value(&model.gain),
+            delay: system::delay(model),
+            law: CoulombViscous {
+                coulomb,
+                viscous: value(&model.viscous),
+            },
+            terms: model
+                .terms
+                .iter()
+                .filter(|t| t.effect.width() > 0)
+                .map(|t| {
+                    let (inner, coefficients) = t.effect.linear(&system::values(t), coulomb);
+                    (t.effect, inner, coefficients)
+                })
+                .collect(),
+            motion: model.motion,
+        })
+    }
+
+    /// Everything that resists motion at `q`, `v` while sliding in direction `s`, in N·m or N.
+    pub fn resistance(&self, q: f64, v: f64, s: f64) -> f64 {
+        // At v = 0 the law is asked for the side that the axis is about to slide to.
+        let mut sum = if v == 0.0 {
+            s * self.law.break_away()
+        } else {
+            s * self.law.sliding(s * v)
+        };
+        if self.terms.is_empty() {
+            return sum;
+        }
+        let at = Point::new(self.motion, q, v, s);
+        let mut basis = [0.0; WIDEST];
+        for (effect, inner, coefficients) in &self.terms {
+            effect.basis(*inner, at, &mut basis);
+            sum += coefficients
+                .iter()
+                .zip(&basis)
+                .map(|(c, b)| c * b)
+                .sum::<f64>();
+        }
+        sum
+    }
+
+    /// Acceleration while sliding in direction `s` under the drive `u`.
+    pub fn acceleration(&self, u: f64, q: f64, v: f64, s: f64) -> f64 {
+        (self.gain * u - self.resistance(q, v, s)) / self.inertia
+    }
+}

@@ -1,0 +1,179 @@
+//! Where a model fails: when, at which speeds, positions and directions, near reversals or not.
+
+use serde::Serialize;
+
+use crate::identify::Workbench;
+use crate::model::{Model, Motion};
+
+/// The region in which most of a mismatch lives.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Where {
+    /// Time intervals, s.
+    pub time: Vec<[f64; 2]>,
+    /// Velocity band, rad/s or m/s.
+    pub velocity: [f64; 2],
+    /// Position band, rad or m.
+    pub position: [f64; 2],
+    /// `both`, `positive` or `negative`.
+    pub direction: &'static str,
+    /// Whether it lives around reversals.
+    pub near_reversal: bool,
+    /// The same in one sentence.
+    pub text: String,
+}
+
+/// A band is the narrowest that holds this share of the mismatch.
+const SHARE: f64 = 0.8;
+/// Time is divided into this many blocks.
+const BLOCKS: usize = 40;
+
+/// Coordinates of one row.
+struct Place {
+    time: f64,
+    velocity: f64,
+    position: f64,
+    reversal: bool,
+    excess: f64,
+}
+
+/// Locates the excess of squared whitened residuals `before` over `after`, both one for each row.
+pub(super) fn locate(bench: &Workbench, model: &Model, before: &[f64], after: &[f64]) -> Where {
+    let problem = &bench.problem;
+    let velocity = problem.velocity();
+    let sign = problem.coulomb();
+    let places: Vec<Place> = (0..problem.rows.len())
+        .map(|k| {
+            let row = problem.rows[k];
+            Place {
+                time: problem.time(row),
+                velocity: velocity[k],
+                position: problem.tracks[row.track].q[row.centre],
+                reversal: sign[k].abs() < 0.98,
+                excess: before[k] * before[k] - after[k] * after[k],
+            }
+        })
+        .collect();
+    let total: f64 = places
+        .iter()
+        .map(|p| p.excess.max(0.0))
+        .sum::<f64>()
+        .max(f64::MIN_POSITIVE);
+    let share = |keep: &dyn Fn(&Place) -> bool| {
+        places
+            .iter()
+            .filter(|p| keep(p))
+            .map(|p| p.excess.max(0.0))
+            .sum::<f64>()
+            / total
+    };
+    let reversing = places.iter().filter(|p| p.reversal).count() as f64 / places.len() as f64;
+    let forward = share(&|p| p.velocity > 0.0);
+    let mut found = Where {
+        time: intervals(&places),
+        velocity: band(&places, total, |p| p.velocity),
+        position: band(&places, total, |p| p.position),
+        direction: if forward > SHARE {
+            "positive"
+        } else if forward < 1.0 - SHARE {
+            "negative"
+        } else {
+            "both"
+        },
+        // Around reversals if most of it is there although the axis mostly is not.
+        near_reversal: share(&|p| p.reversal) > SHARE && reversing < 0.75 * SHARE,
+        text: String::new(),
+    };
+    found.text = sentence(&found, model.motion, &places);
+    found
+}
+
+/// Narrowest interval of a coordinate that holds the given share of the excess.
+fn band(places: &[Place], total: f64, coordinate: impl Fn(&Place) -> f64) -> [f64; 2] {
+    let mut sorted: Vec<(f64, f64)> = places
+        .iter()
+        .map(|p| (coordinate(p), p.excess.max(0.0)))
+        .collect();
+    sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut best = [sorted[0].0, sorted[sorted.len() - 1].0];
+    let (mut low, mut sum) = (0, 0.0);
+    for high in 0..sorted.len() {
+        sum += sorted[high].1;
+        while sum - sorted[low].1 >= SHARE * total {
+            sum -= sorted[low].1;
+            low += 1;
+        }
+        if sum >= SHARE * total && sorted[high].0 - sorted[low].0 < best[1] - best[0] {
+            best = [sorted[low].0, sorted[high].0];
+        }
+    }
+    best
+}
+
+/// Blocks of time whose excess is above the average block's, neighbours merged.
+fn intervals(places: &[Place]) -> Vec<[f64; 2]> {
+    let (start, end) = places
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), p| {
+            (a.min(p.time), b.max(p.time))
+        });
+    let width = (end - start).max(f64::MIN_POSITIVE) / BLOCKS as f64;
+    let mut sums = [0.0; BLOCKS];
+    for place in places {
+        sums[(((place.time - start) / width) as usize).min(BLOCKS - 1)] += place.excess.max(0.0);
+    }
+    let mean = sums.iter().sum::<f64>() / BLOCKS as f64;
+    let mut found: Vec<[f64; 2]> = Vec::new();
+    for (k, _) in sums.iter().enumerate().filter(|(_, s)| **s > mean) {
+        let block = [start + k as f64 * width, start + (k + 1) as f64 * width];
+        match found.last_mut() {
+            Some(last) if (last[1] - block[0]).abs() < 0.5 * width => last[1] = block[1],
+            _ => found.push(block),
+        }
+    }
+    found
+}
+
+fn sentence(found: &Where, motion: Motion, places: &[Place]) -> String {
+    let (speed, position) = if motion == Motion::Rotary {
+        ("rad/s", "rad")
+    } else {
+        ("m/s", "m")
+    };
+    let range = |coordinate: &dyn Fn(&Place) -> f64| {
+        places
+            .iter()
+            .map(coordinate)
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| {
+                (a.min(x), b.max(x))
+            })
+    };
+    let narrow = |band: [f64; 2], (low, high): (f64, f64)| band[1] - band[0] < 0.7 * (high - low);
+    let mut parts = Vec::new();
+    if found.near_reversal {
+        parts.push("around reversals".to_owned());
+    }
+    if narrow(found.velocity, range(&|p| p.velocity)) {
+        parts.push(format!(
+            "at velocities from {:.3} to {:.3} {speed}",
+            found.velocity[0], found.velocity[1]
+        ));
+    }
+    if narrow(found.position, range(&|p| p.position)) {
+        parts.push(format!(
+            "at positions from {:.3} to {:.3} {position}",
+            found.position[0], found.position[1]
+        ));
+    }
+    if found.direction != "both" {
+        parts.push(format!("while moving in the {} direction", found.direction));
+    }
+    if parts.is_empty() {
+        "The mismatch is spread over the whole recording.".to_owned()
+    } else {
+        format!(
+            "{:.0} % of the mismatch lives {}.",
+            100.0 * SHARE,
+            parts.join(", ")
+        )
+    }
+}

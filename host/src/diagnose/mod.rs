@@ -1,0 +1,450 @@
+//! Diagnosis: where a model and its recordings part, what was left out, and the proof that adding it helps.
+
+mod locate;
+mod select;
+mod trial;
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+pub use locate::Where;
+
+use crate::error::Result;
+use crate::fit::{self, Fit};
+use crate::identify::{Identified, Workbench};
+use crate::model::Model;
+use crate::recording::Recording;
+use crate::system;
+use crate::weak::Part;
+use select::{FLOOR, Leftover, Selected};
+
+/// A value with its standard error and unit.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Estimate {
+    /// The value.
+    pub value: f64,
+    /// Standard error; `None` for a value that was given.
+    pub se: Option<f64>,
+    /// SI unit.
+    pub unit: &'static str,
+}
+
+/// Parameters by name.
+pub type Estimates = BTreeMap<String, Estimate>;
+
+/// What the verdict says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Verdict {
+    /// Nothing significant is left out.
+    Adequate,
+    /// The findings account for the mismatch.
+    Explained,
+    /// A significant mismatch stays that no effect explains.
+    Unknown,
+}
+
+/// The baseline and how it predicts.
+#[derive(Clone, Debug, Serialize)]
+pub struct Baseline {
+    /// Its parameters.
+    pub parameters: Estimates,
+    /// Its prediction errors.
+    pub fit: Fit,
+}
+
+/// How strongly the data speak for a finding.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Evidence {
+    /// Fall of BIC when the effect joins the others found.
+    pub delta_bic: f64,
+    /// Share of the baseline's cross-validated squared error that goes with it.
+    pub share_of_residual: f64,
+}
+
+/// Another effect that would explain much the same.
+#[derive(Clone, Debug, Serialize)]
+pub struct Rival {
+    /// Its id.
+    pub id: &'static str,
+    /// Its fall of BIC at the stage where the finding was preferred.
+    pub delta_bic: f64,
+    /// The experiment that decides.
+    pub tell_apart_by: String,
+}
+
+/// An effect that was left out.
+#[derive(Clone, Debug, Serialize)]
+pub struct Finding {
+    /// Stable id.
+    pub id: &'static str,
+    /// Name that a person reads.
+    pub name: &'static str,
+    /// Probability that this effect, and no rival, is the right name.
+    pub confidence: f64,
+    /// One sentence that a person can act on.
+    pub text: String,
+    /// Where it shows.
+    #[serde(rename = "where")]
+    pub place: Where,
+    /// Its parameters in the final model, with quantities that follow from them.
+    pub parameters: Estimates,
+    /// Evidence for it.
+    pub evidence: Evidence,
+    /// Fit with this finding and all before it.
+    pub fit: Fit,
+    /// Rivals.
+    pub rivals: Vec<Rival>,
+}
+
+/// Something that generic functions follow and no effect explains.
+#[derive(Clone, Debug, Serialize)]
+pub struct Unexplained {
+    /// Share of the cross-validated squared error that generic functions take away.
+    pub gain: f64,
+    /// Coordinates it may depend on with their own shares, best first.
+    pub coordinates: Vec<(&'static str, f64)>,
+}
+
+/// Fit of the baseline and of the final model.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct BeforeAfter {
+    /// Baseline.
+    pub before: Fit,
+    /// Final model.
+    pub after: Fit,
+}
+
+/// The outcome: the contract's `bristle.diagnosis/1`.
+#[derive(Clone, Debug, Serialize)]
+pub struct Diagnosis {
+    /// `bristle.diagnosis/1`.
+    pub schema: &'static str,
+    /// The verdict.
+    pub verdict: Verdict,
+    /// The verdict in a sentence.
+    pub text: String,
+    /// The baseline.
+    pub baseline: Baseline,
+    /// Where the baseline fails.
+    #[serde(rename = "where")]
+    pub place: Where,
+    /// What was left out, strongest first.
+    pub findings: Vec<Finding>,
+    /// What stays unexplained.
+    pub unexplained: Option<Unexplained>,
+    /// Parameters of the final model.
+    pub parameters: Estimates,
+    /// Before and after.
+    pub fit: BeforeAfter,
+    /// Half-width of the test functions, s, of each recording.
+    pub half_width: Vec<f64>,
+}
+
+/// A diagnosis together with the models behind it.
+pub struct Outcome {
+    /// What goes into the JSON.
+    pub diagnosis: Diagnosis,
+    /// The baseline with its estimates.
+    pub before: Model,
+    /// The final model.
+    pub after: Model,
+}
+
+/// Share of what generic functions gain that the named effects must reach: below it, the names are not the physics.
+const SHARE_OF_GENERIC: f64 = 0.6;
+
+/// Diagnoses a baseline that has been fitted on a workbench. `progress` is told what is being done.
+pub fn diagnose(
+    bench: &Workbench,
+    baseline: &Identified,
+    recordings: &[Recording],
+    progress: &dyn Fn(&str),
+) -> Result<Outcome> {
+    let before = &baseline.model;
+    let (selected, after) = select::select(bench, before, progress)?;
+    progress("confirming on the held-out part");
+    let (selected, after) = confirm(bench, before, selected, after, recordings)?;
+    progress("looking for what is left");
+    let base_error = error(bench, before)?;
+    let mut leftover = select::leftover(bench, &after)?;
+    let mut remaining = error(bench, &after)?;
+    let reached = (base_error - remaining)
+        / (base_error - remaining * (1.0 - leftover.gain)).max(f64::MIN_POSITIVE);
+    let significant = leftover.gain >= FLOOR;
+    let (selected, after) = if significant && reached < SHARE_OF_GENERIC && !selected.is_empty() {
+        leftover = select::leftover(bench, before)?;
+        remaining = base_error;
+        (Vec::new(), before.clone())
+    } else {
+        (selected, after)
+    };
+    let verdict = if significant {
+        Verdict::Unknown
+    } else if selected.is_empty() {
+        Verdict::Adequate
+    } else {
+        Verdict::Explained
+    };
+    let (findings, after_fit) =
+        findings(bench, baseline, &selected, &after, recordings, base_error)?;
+    let z_before = whitened(bench, before);
+    let z_after = if selected.is_empty() {
+        vec![1.0; z_before.len()]
+    } else {
+        whitened(bench, &after)
+    };
+    let unexplained = significant.then(|| unexplained(&leftover));
+    let _ = remaining;
+    let diagnosis = Diagnosis {
+        schema: "bristle.diagnosis/1",
+        verdict,
+        text: verdict_sentence(verdict, &findings, unexplained.as_ref()),
+        baseline: Baseline {
+            parameters: estimates(before, None),
+            fit: baseline.fit,
+        },
+        place: locate::locate(bench, before, &z_before, &z_after),
+        findings,
+        unexplained,
+        parameters: estimates(&after, None),
+        fit: BeforeAfter {
+            before: baseline.fit,
+            after: after_fit,
+        },
+        half_width: bench
+            .problem
+            .windows
+            .iter()
+            .zip(&bench.problem.tracks)
+            .map(|(w, t)| w.reach as f64 * t.period)
+            .collect(),
+    };
+    Ok(Outcome {
+        diagnosis,
+        before: before.clone(),
+        after,
+    })
+}
+
+fn unexplained(leftover: &Leftover) -> Unexplained {
+    Unexplained {
+        gain: leftover.gain,
+        coordinates: leftover.coordinates.iter().take(3).copied().collect(),
+    }
+}
+
+/// Cross-validated squared error of a model per training row.
+fn error(bench: &Workbench, model: &Model) -> Result<f64> {
+    let base = trial::Base::new(bench, model)?;
+    Ok(base.map_or(f64::INFINITY, |b| b.score.cross_validated / b.rows()))
+}
+
+fn whitened(bench: &Workbench, model: &Model) -> Vec<f64> {
+    bench.noise.whiten(&system::residual(&bench.problem, model))
+}
+
+/// χ² of the held-out rows.
+fn held_out_chi2(bench: &Workbench, model: &Model) -> f64 {
+    let z = whitened(bench, model);
+    z.iter()
+        .zip(&bench.problem.rows)
+        .filter(|(_, r)| r.part == Part::HeldOut)
+        .map(|(z, _)| z * z)
+        .sum()
+}
+
+/// Drops effects without which the held-out part is predicted as well: weak-form error and free run both count.
+fn confirm(
+    bench: &Workbench,
+    before: &Model,
+    mut selected: Vec<Selected>,
+    mut after: Model,
+    recordings: &[Recording],
+) -> Result<(Vec<Selected>, Model)> {
+    let mut k = selected.len();
+    while k > 0 {
+        k -= 1;
+        let (without, _) = bench.estimate(&select::without(&after, before.terms.len() + k))?;
+        let judge = |model: &Model| fit::judge(model, recordings, &bench.problem.tracks);
+        let weak_form_helps = held_out_chi2(bench, &after) < held_out_chi2(bench, &without);
+        let free_run_helps =
+            judge(&after)?.held_out.nrmse < FREE_RUN_TOLERANCE * judge(&without)?.held_out.nrmse;
+        if !(weak_form_helps && free_run_helps) {
+            selected.remove(k);
+            after = without;
+        }
+    }
+    Ok((selected, after))
+}
+
+/// A held-out free run over a handful of windows scatters by a few per cent through its measured starting
+/// velocities alone.
+const FREE_RUN_TOLERANCE: f64 = 1.05;
+
+/// The findings in order of strength with their nested fits, and the fit of the final model.
+fn findings(
+    bench: &Workbench,
+    baseline: &Identified,
+    selected: &[Selected],
+    after: &Model,
+    recordings: &[Recording],
+    base_error: f64,
+) -> Result<(Vec<Finding>, Fit)> {
+    let first = baseline.model.terms.len();
+    let mut findings: Vec<Finding> = Vec::new();
+    let mut last_fit = baseline.fit;
+    let mut last_error = base_error;
+    let mut last_z = whitened(bench, &baseline.model);
+    for (k, selected) in selected.iter().enumerate() {
+        let mut stage = after.clone();
+        stage.terms.truncate(first + k + 1);
+        let stage = if k + 1 == after.terms.len() - first {
+            after.clone()
+        } else {
+            bench.estimate(&stage)?.0
+        };
+        let z = whitened(bench, &stage);
+        let now = error(bench, &stage)?;
+        last_fit = fit::judge(&stage, recordings, &bench.problem.tracks)?;
+        let effect = selected.trial.effect;
+        findings.push(Finding {
+            id: effect.id(),
+            name: effect.name(),
+            confidence: confidence(selected, now),
+            text: effect.sentence(&system::values(&after.terms[first + k]), after.motion),
+            place: locate::locate(bench, &stage, &last_z, &z),
+            parameters: estimates(after, Some(first + k)),
+            evidence: Evidence {
+                delta_bic: selected.trial.delta_bic,
+                share_of_residual: (last_error - now) / base_error,
+            },
+            fit: last_fit,
+            rivals: rivals(selected),
+        });
+        (last_error, last_z) = (now, z);
+    }
+    Ok((findings, last_fit))
+}
+
+/// Posterior probability of the finding among the effects that passed with it, evidence tempered by the error
+/// that remains (an over-dispersed χ² counts for less).
+fn confidence(selected: &Selected, error_after: f64) -> f64 {
+    let temper = 0.5 / error_after.max(1.0);
+    let others: f64 = selected
+        .others
+        .iter()
+        .map(|o| (temper * (o.delta_bic - selected.trial.delta_bic)).exp())
+        .sum();
+    (0.99 / (1.0 + others)).max(0.01)
+}
+
+fn rivals(selected: &Selected) -> Vec<Rival> {
+    let close = selected
+        .others
+        .iter()
+        .filter(|o| o.delta_bic >= 0.5 * selected.trial.delta_bic);
+    close
+        .map(|other| {
+            let confusion = selected.trial.effect.confusions().iter().find(|c| c.id == other.effect.id());
+            Rival {
+                id: other.effect.id(),
+                delta_bic: other.delta_bic,
+                tell_apart_by: confusion.map_or_else(
+                    || format!("record again so that both are excited: bristle explain {} says what excites it", other.effect.id()),
+                    |c| c.tell_apart_by.to_owned(),
+                ),
+            }
+        })
+        .collect()
+}
+
+/// Parameters of a whole model, or of one of its terms with what follows from them.
+pub fn estimates(model: &Model, term: Option<usize>) -> Estimates {
+    if let Some(index) = term {
+        return term_estimates(model, index);
+    }
+    let labels = model.labels();
+    labels
+        .iter()
+        .zip(model.parameters())
+        .map(|(label, parameter)| {
+            let name = label.effect.map_or_else(
+                || label.name.to_owned(),
+                |id| format!("{id}.{}", label.name),
+            );
+            (name, estimate(parameter, label.unit))
+        })
+        .collect()
+}
+
+fn estimate(parameter: &crate::model::Parameter, unit: &'static str) -> Estimate {
+    Estimate {
+        value: parameter.value.unwrap_or(f64::NAN),
+        se: if parameter.known { None } else { parameter.se },
+        unit,
+    }
+}
+
+fn term_estimates(model: &Model, index: usize) -> Estimates {
+    let term = &model.terms[index];
+    let specs = term.effect.parameters();
+    let mut all: Estimates = specs
+        .iter()
+        .zip(&term.parameters)
+        .map(|(spec, parameter)| {
+            (
+                spec.name.to_owned(),
+                estimate(parameter, model.unit(spec.quantity)),
+            )
+        })
+        .collect();
+    for derived in term.effect.derived() {
+        let parts = [&term.parameters[0], &model.coulomb, &model.viscous];
+        let sum = |f: &dyn Fn(&crate::model::Parameter) -> f64, power: i32| {
+            parts
+                .iter()
+                .zip(derived.weights)
+                .map(|(p, w)| w.powi(power) * f(p))
+                .sum::<f64>()
+        };
+        // Errors of the parts are nearly independent: one column is even in velocity, the other odd.
+        let variance = sum(&|p| p.se.unwrap_or(0.0).powi(2), 2);
+        let value = Estimate {
+            value: sum(&|p| p.value.unwrap_or(0.0), 1),
+            se: Some(variance.sqrt()),
+            unit: model.unit(derived.quantity),
+        };
+        all.insert(derived.name.to_owned(), value);
+    }
+    all
+}
+
+fn verdict_sentence(
+    verdict: Verdict,
+    findings: &[Finding],
+    unexplained: Option<&Unexplained>,
+) -> String {
+    let names: Vec<&str> = findings.iter().map(|f| f.id).collect();
+    match verdict {
+        Verdict::Adequate => "The model is adequate: nothing significant is left out.".to_owned(),
+        Verdict::Explained => format!(
+            "The model leaves out {}; with it in, nothing significant remains.",
+            names.join(" and ")
+        ),
+        Verdict::Unknown => {
+            let coordinate = unexplained
+                .and_then(|u| u.coordinates.first())
+                .map_or("none of the coordinates alone", |c| c.0);
+            let found = if names.is_empty() {
+                String::new()
+            } else {
+                format!(" besides {}", names.join(" and "))
+            };
+            format!(
+                "Something is left out{found} that no effect of the catalogue explains; it depends on {coordinate}."
+            )
+        }
+    }
+}

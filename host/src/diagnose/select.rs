@@ -1,0 +1,160 @@
+//! Which effects are certainly left out: forward selection with re-examination.
+
+use super::trial::{Base, Trial};
+use crate::effects;
+use crate::error::Result;
+use crate::identify::Workbench;
+use crate::model::Model;
+
+/// Share by which the cross-validated squared error must fall: 10 % of the RMS error. Reversals and coloured noise
+/// leave artefacts that are statistically significant but stay below this on clean recordings; the rate of false
+/// alarms that it leaves is measured by the `validate` example.
+pub(super) const FLOOR: f64 = 0.19;
+/// Least fall of BIC: odds of e³ against the simpler model beyond the price of parameters and search.
+const LEAST_DELTA_BIC: f64 = 6.0;
+/// Most effects named at once.
+const MOST: usize = 5;
+
+/// An effect that was selected, with what it competed against.
+pub(super) struct Selected {
+    pub trial: Trial,
+    /// Other effects that would have passed at the same stage, best first.
+    pub others: Vec<Trial>,
+}
+
+/// What generic functions of each coordinate gain on top of a model.
+pub(super) struct Leftover {
+    /// Gain of the whole dictionary.
+    pub gain: f64,
+    /// Gain of each group alone, best first.
+    pub coordinates: Vec<(&'static str, f64)>,
+}
+
+/// Effects left out of `model`, strongest first, and the model that has them, refined.
+pub(super) fn select(
+    bench: &Workbench,
+    model: &Model,
+    progress: &dyn Fn(&str),
+) -> Result<(Vec<Selected>, Model)> {
+    let mut selected: Vec<Selected> = Vec::new();
+    let mut current = model.clone();
+    while selected.len() < MOST {
+        progress(&format!(
+            "trying the catalogue, round {}",
+            selected.len() + 1
+        ));
+        let Some(found) = best(bench, &current)? else {
+            break;
+        };
+        let (next, _) = bench.estimate(&with_trial(&current, &found.trial))?;
+        selected.push(found);
+        current = next;
+        current = reexamine(bench, model, &mut selected, current)?;
+    }
+    Ok((selected, current))
+}
+
+/// The model with the effect of a trial, started from the trial's inner parameter.
+fn with_trial(model: &Model, trial: &Trial) -> Model {
+    let mut next = model.with_effect(trial.effect);
+    if let (Some(k), Some(term)) = (trial.effect.inner(), next.terms.last_mut()) {
+        // A value with an error marks a start that the scan need not repeat.
+        term.parameters[k].value = Some(trial.inner);
+        term.parameters[k].se = Some(f64::INFINITY);
+    }
+    next
+}
+
+fn passes(trial: &Trial) -> bool {
+    trial.gain >= FLOOR && trial.delta_bic >= LEAST_DELTA_BIC
+}
+
+/// Every effect not yet in the model, tried on it; best first.
+pub(super) fn trials(base: &Base, model: &Model) -> Result<Vec<Trial>> {
+    let mut trials = Vec::new();
+    for &effect in effects::ALL
+        .iter()
+        .filter(|e| e.applies(model.motion) && !model.has(e.id()))
+    {
+        trials.extend(base.attempt(effect)?);
+    }
+    trials.sort_by(|a, b| b.delta_bic.total_cmp(&a.delta_bic));
+    Ok(trials)
+}
+
+fn best(bench: &Workbench, model: &Model) -> Result<Option<Selected>> {
+    let Some(base) = Base::new(bench, model)? else {
+        return Ok(None);
+    };
+    let mut passing = trials(&base, model)?.into_iter().filter(passes);
+    Ok(passing.next().map(|trial| Selected {
+        trial,
+        others: passing.collect(),
+    }))
+}
+
+/// Drops effects that those selected later have made superfluous.
+fn reexamine(
+    bench: &Workbench,
+    baseline: &Model,
+    selected: &mut Vec<Selected>,
+    full: Model,
+) -> Result<Model> {
+    let mut current = full;
+    let mut k = 0;
+    while selected.len() > 1 && k + 1 < selected.len() {
+        let without = without(&current, baseline.terms.len() + k);
+        let needed = match Base::new(bench, &without)? {
+            Some(base) => base
+                .attempt(selected[k].trial.effect)?
+                .is_some_and(|t| passes(&t)),
+            None => true,
+        };
+        if needed {
+            k += 1;
+        } else {
+            selected.remove(k);
+            current = bench.estimate(&without)?.0;
+        }
+    }
+    Ok(current)
+}
+
+/// The model without one of its terms.
+pub(super) fn without(model: &Model, term: usize) -> Model {
+    let mut model = model.clone();
+    model.terms.remove(term);
+    model
+}
+
+/// What is left for generic functions on top of a model.
+pub(super) fn leftover(bench: &Workbench, model: &Model) -> Result<Leftover> {
+    let Some(base) = Base::new(bench, model)? else {
+        return Ok(Leftover {
+            gain: 0.0,
+            coordinates: Vec::new(),
+        });
+    };
+    let groups: Vec<(&'static str, Vec<Vec<f64>>)> = bench
+        .dictionary
+        .groups(&bench.problem)
+        .into_iter()
+        .map(|g| {
+            (
+                g.coordinate,
+                g.columns.iter().map(|c| bench.noise.whiten(c)).collect(),
+            )
+        })
+        .collect();
+    let mut coordinates: Vec<(&'static str, f64)> = groups
+        .iter()
+        .map(|(name, c)| (*name, base.generic_gain(c)))
+        .collect();
+    coordinates.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let all: Vec<Vec<f64>> = groups.into_iter().flat_map(|(_, c)| c).collect();
+    let single = coordinates.first().map_or(0.0, |c| c.1);
+    Ok(Leftover {
+        gain: base.generic_gain(&all).max(single),
+        coordinates,
+    })
+}

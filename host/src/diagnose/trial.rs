@@ -1,0 +1,154 @@
+//! One effect tried on top of a model.
+
+use crate::effects::{Effect, Survey};
+use crate::error::Result;
+use crate::identify::Workbench;
+use crate::linear::Score;
+use crate::model::Model;
+use crate::system::System;
+
+/// The best that an effect can do on top of a model.
+#[derive(Clone)]
+pub(super) struct Trial {
+    pub effect: &'static dyn Effect,
+    /// Best value of the inner parameter; 0 where there is none.
+    pub inner: f64,
+    /// Fall of the Bayesian information criterion, the search over the inner parameter paid for.
+    pub delta_bic: f64,
+    /// Share by which the cross-validated squared error falls.
+    pub gain: f64,
+}
+
+/// A model with numbers, its whitened system and its score: what candidates are compared with.
+pub(super) struct Base<'a> {
+    bench: &'a Workbench,
+    model: &'a Model,
+    system: System,
+    pub score: Score,
+    survey: Survey,
+}
+
+/// Steps of golden-section refinement between the grid neighbours of the best inner value: a factor of 0.618 each.
+const GOLDEN_STEPS: usize = 10;
+
+impl<'a> Base<'a> {
+    pub fn new(bench: &'a Workbench, model: &'a Model) -> Result<Option<Self>> {
+        let system = System::new(&bench.problem, model)?.whitened(&bench.noise);
+        let Some(score) = system.score(&bench.folds) else {
+            return Ok(None);
+        };
+        Ok(Some(Self {
+            bench,
+            model,
+            system,
+            score,
+            survey: bench.problem.survey(),
+        }))
+    }
+
+    /// Number of training rows.
+    pub fn rows(&self) -> f64 {
+        self.bench.folds.iter().flatten().count() as f64
+    }
+
+    /// Tries an effect over its whole grid; `None` if no value of its parameters is physical.
+    pub fn attempt(&self, effect: &'static dyn Effect) -> Result<Option<Trial>> {
+        let grid = effect.grid(&self.survey);
+        let mut best: Option<(usize, Score)> = None;
+        for (k, &inner) in grid.iter().enumerate() {
+            let Some(score) = self.with(effect, inner)? else {
+                continue;
+            };
+            if best.as_ref().is_none_or(|(_, b)| score.chi2 < b.chi2) {
+                best = Some((k, score));
+            }
+        }
+        let Some((k, mut score)) = best else {
+            return Ok(None);
+        };
+        let mut inner = grid[k];
+        if grid.len() > 1 {
+            let bracket = (grid[k.max(1) - 1], grid[(k + 1).min(grid.len() - 1)]);
+            (inner, score) = self.refine(effect, bracket, (inner, score))?;
+        }
+        let parameters = (effect.width() + usize::from(effect.inner().is_some())) as f64;
+        let penalty = parameters * self.rows().ln() + 2.0 * (grid.len() as f64).ln();
+        Ok(Some(Trial {
+            effect,
+            inner,
+            delta_bic: self.score.chi2 - score.chi2 - penalty,
+            gain: 1.0 - score.cross_validated / self.score.cross_validated,
+        }))
+    }
+
+    /// Cross-validated gain of generic columns on top of the model.
+    pub fn generic_gain(&self, columns: &[Vec<f64>]) -> f64 {
+        let all: Vec<&[f64]> = self
+            .system
+            .columns
+            .iter()
+            .chain(columns)
+            .map(Vec::as_slice)
+            .collect();
+        crate::linear::score(
+            &self.system.response,
+            &all,
+            &self.bench.folds,
+            GENERIC_RIDGE,
+        )
+        .map_or(0.0, |s| {
+            1.0 - s.cross_validated / self.score.cross_validated
+        })
+    }
+
+    fn with(&self, effect: &'static dyn Effect, inner: f64) -> Result<Option<Score>> {
+        let mut model = self.model.with_effect(effect);
+        if let (Some(k), Some(term)) = (effect.inner(), model.terms.last_mut()) {
+            term.parameters[k].value = Some(inner);
+        }
+        let system = if effect.width() == 0 {
+            System::new(&self.bench.problem, &model)?.whitened(&self.bench.noise)
+        } else {
+            let columns = self.bench.problem.effect(effect, inner);
+            self.system.extended(self.model.terms.len(), &columns, |c| {
+                self.bench.noise.whiten(c)
+            })
+        };
+        let score = system.score(&self.bench.folds);
+        Ok(score.filter(|s| system.decode(&s.beta, &mut model)))
+    }
+
+    fn refine(
+        &self,
+        effect: &'static dyn Effect,
+        bracket: (f64, f64),
+        start: (f64, Score),
+    ) -> Result<(f64, Score)> {
+        let golden = 0.5 * (5f64.sqrt() - 1.0);
+        let (mut low, mut high) = bracket;
+        let mut best = start;
+        for _ in 0..GOLDEN_STEPS {
+            let (left, right) = (high - golden * (high - low), low + golden * (high - low));
+            let (at_left, at_right) = (self.with(effect, left)?, self.with(effect, right)?);
+            let chi2 = |s: &Option<Score>| s.as_ref().map_or(f64::INFINITY, |s| s.chi2);
+            let toward_left = chi2(&at_left) < chi2(&at_right);
+            if toward_left {
+                high = right
+            } else {
+                low = left
+            }
+            let (inner, score) = if toward_left {
+                (left, at_left)
+            } else {
+                (right, at_right)
+            };
+            if let Some(score) = score.filter(|s| s.chi2 < best.1.chi2) {
+                best = (inner, score);
+            }
+        }
+        Ok(best)
+    }
+}
+
+/// Relative ridge on the generic columns: neighbouring hats nearly add up to columns of the model.
+const GENERIC_RIDGE: f64 = 1e-5;

@@ -1,0 +1,215 @@
+//! A generic dictionary of what a residual may depend on, without naming physics.
+//!
+//! Piecewise-linear functions of one coordinate at a time. A fit that includes them all follows whatever is
+//! systematic, so its residual shows the noise; and the coordinate whose group helps most says where something
+//! that no effect of the catalogue explains lives.
+
+use std::rc::Rc;
+
+use crate::problem::{Column, Problem};
+use crate::weak::Track;
+
+/// The functions of one coordinate.
+pub struct Group {
+    /// What the residual would depend on, for the reader.
+    pub coordinate: &'static str,
+    /// One column for each function.
+    pub columns: Vec<Column>,
+}
+
+/// Signals of one track, group by group.
+type Signals = Vec<(&'static str, Vec<Vec<f64>>)>;
+
+/// Cell signals of all tracks; independent of the window width.
+pub struct Dictionary {
+    tracks: Vec<Signals>,
+}
+
+/// Knots along velocity, position and input; a short recording carries fewer.
+fn knots(samples: usize) -> usize {
+    if samples > 4000 { 6 } else { 4 }
+}
+
+impl Dictionary {
+    /// Evaluates the dictionary on all tracks. Knots are common to all, so that columns mean the same on each.
+    pub fn new(tracks: &[Track]) -> Self {
+        let every = |f: &dyn Fn(&Track, usize) -> f64| -> Vec<f64> {
+            tracks
+                .iter()
+                .flat_map(|t| (0..t.cells.len()).step_by(7).map(move |k| f(t, k)))
+                .collect()
+        };
+        let count = knots(tracks.iter().map(|t| t.cells.len()).sum());
+        let inputs: Vec<Vec<f64>> = tracks.iter().map(|t| t.input(0.0)).collect();
+        let all_inputs = inputs.iter().flatten().copied().collect();
+        let grids = Grids {
+            speed: quantiles(every(&|t, k| t.cells[k].v.abs()), count),
+            position: quantiles(every(&|t, k| t.cells[k].q), count + 2),
+            input: quantiles(all_inputs, count),
+            travel: quantiles(every(&|t, k| t.cells[k].v.abs() * t.period), 2)[1],
+        };
+        let tracks = tracks
+            .iter()
+            .zip(&inputs)
+            .map(|(t, u)| signals(t, u, &grids, count))
+            .collect();
+        Self { tracks }
+    }
+
+    /// The functionals of the dictionary on the windows of a problem.
+    pub fn groups(&self, problem: &Problem) -> Vec<Group> {
+        (0..self.tracks[0].len())
+            .map(|g| {
+                let (coordinate, functions) = &self.tracks[0][g];
+                let column = |f: usize| {
+                    let parts = self.tracks.iter().zip(&problem.windows);
+                    Rc::new(
+                        parts
+                            .flat_map(|(signals, w)| w.hold(&signals[g].1[f]))
+                            .collect(),
+                    )
+                };
+                Group {
+                    coordinate,
+                    columns: (0..functions.len()).map(column).collect(),
+                }
+            })
+            .collect()
+    }
+}
+
+struct Grids {
+    speed: Vec<f64>,
+    position: Vec<f64>,
+    input: Vec<f64>,
+    travel: f64,
+}
+
+fn signals(track: &Track, input: &[f64], grids: &Grids, count: usize) -> Signals {
+    let cells = &track.cells;
+    let duration = cells.len() as f64 * track.period;
+    let time_knots: Vec<f64> = (0..count)
+        .map(|k| track.start + duration * k as f64 / (count - 1) as f64)
+        .collect();
+    let speed = |k: usize| cells[k].v.abs();
+    let position = |k: usize| cells[k].q;
+    let time = |k: usize| track.cell_time(k);
+    let sign = |k: usize| cells[k].s;
+    let one = |_: usize| 1.0;
+    let table =
+        |knots: &[f64], x: &dyn Fn(usize) -> f64, factor: &dyn Fn(usize) -> f64| -> Vec<Vec<f64>> {
+            (0..knots.len())
+                .map(|j| {
+                    (0..cells.len())
+                        .map(|k| factor(k) * hat(knots, j, x(k)))
+                        .collect()
+                })
+                .collect()
+        };
+    let both = |mut a: Vec<Vec<f64>>, b: Vec<Vec<f64>>| {
+        a.extend(b);
+        a
+    };
+    vec![
+        (
+            "velocity",
+            both(
+                table(&grids.speed, &speed, &sign),
+                table(&grids.speed, &speed, &one),
+            ),
+        ),
+        ("position", table(&grids.position, &position, &one)),
+        (
+            "position, as friction",
+            table(&grids.position, &position, &sign),
+        ),
+        ("time", table(&time_knots, &time, &one)),
+        (
+            "time, as friction",
+            both(
+                table(&time_knots, &time, &sign),
+                table(&time_knots, &time, &|k| cells[k].v),
+            ),
+        ),
+        ("input", table(&grids.input, &|k| input[k], &one)),
+        (
+            "input, as friction",
+            vec![(0..cells.len()).map(|k| sign(k) * input[k].abs()).collect()],
+        ),
+        ("input rate", input_rates(track)),
+        ("travel since reversal", memories(track, grids.travel)),
+        (
+            "position and velocity",
+            table(&grids.position, &position, &|k| cells[k].v),
+        ),
+    ]
+}
+
+/// Differences of the input over one and over four intervals: what a delay or a lag leaves behind.
+fn input_rates(track: &Track) -> Vec<Vec<f64>> {
+    [1.0, 4.0, 12.0]
+        .map(|shift| {
+            let (early, late) = (
+                track.input(-shift * track.period),
+                track.input(shift * track.period),
+            );
+            early.iter().zip(&late).map(|(a, b)| a - b).collect()
+        })
+        .to_vec()
+}
+
+/// Direction with a memory of the travel since reversal: `h ← σ + (h − σ)·e^(−|Δq|/x₀)`, σ = sgn Δq.
+fn memories(track: &Track, typical_step: f64) -> Vec<Vec<f64>> {
+    // From a few typical steps of one cell to a few hundred of them.
+    [3.0, 10.0, 30.0, 100.0]
+        .map(|steps| {
+            let length = steps * typical_step;
+            let mut h = track.cells.first().map_or(0.0, |c| c.s);
+            track
+                .cells
+                .iter()
+                .map(|cell| {
+                    let travel = cell.v.abs() * track.period;
+                    h = cell.s + (h - cell.s) * (-travel / length).exp();
+                    h
+                })
+                .collect()
+        })
+        .to_vec()
+}
+
+/// The hat function of knot `j`: 1 there, 0 at its neighbours; constant beyond the outer knots.
+fn hat(knots: &[f64], j: usize, x: f64) -> f64 {
+    let x = x.clamp(knots[0], knots[knots.len() - 1]);
+    if j > 0 && x < knots[j] {
+        ((x - knots[j - 1]) / (knots[j] - knots[j - 1]).max(f64::MIN_POSITIVE)).max(0.0)
+    } else if j + 1 < knots.len() && x > knots[j] {
+        ((knots[j + 1] - x) / (knots[j + 1] - knots[j]).max(f64::MIN_POSITIVE)).max(0.0)
+    } else {
+        1.0
+    }
+}
+
+/// `count` values that split the sample into equal shares, from its 1 % to its 99 % point.
+fn quantiles(mut values: Vec<f64>, count: usize) -> Vec<f64> {
+    values.sort_by(f64::total_cmp);
+    let last = (values.len() - 1) as f64;
+    (0..count)
+        .map(|k| values[(last * (0.01 + 0.98 * k as f64 / (count - 1) as f64)) as usize])
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::hat;
+
+    #[test]
+    fn hats_sum_to_one_inside_and_outside_the_knots() {
+        let knots = [0.0, 1.0, 3.0, 4.5];
+        for k in -5..60 {
+            let x = f64::from(k) * 0.1;
+            let sum: f64 = (0..4).map(|j| hat(&knots, j, x)).sum();
+            assert!((sum - 1.0).abs() < 1e-12, "{x}: {sum}");
+        }
+    }
+}

@@ -1,0 +1,97 @@
+//! # What it is
+//! A torque periodic in position with `periods` per turn (or per metre), whatever the drive does:
+//! `τ = amplitude·sin(2π·periods·x + phase)` with `x` in turns (or metres).
+//!
+//! # What it looks like in a recording
+//! The axis settles in evenly spaced positions and ripples at slow speed, with a frequency proportional to speed.
+//!
+//! # What excites it
+//! Slow motion over many periods. Fast motion averages it out.
+//!
+//! # Confused with
+//! torque-ripple, which grows with the drive: repeat under another load. gravity, when there is one period a turn.
+//!
+//! # Example
+//! Brushless motors (least common multiple of slots and poles), linear motors, gear mesh.
+//!
+//! # References
+//! D. Hanselman, Brushless Permanent Magnet Motor Design, 2006, ch. 5.
+
+use super::{Confusion, Effect, Motion, Point, Quantity, Spec, Survey};
+
+pub(super) struct Cogging;
+
+/// Most periods per turn that are tried.
+const MOST_PER_TURN: u32 = 120;
+/// Most periods within the travel of a linear axis that are tried.
+const MOST_IN_TRAVEL: f64 = 120.0;
+
+impl Effect for Cogging {
+    fn id(&self) -> &'static str {
+        "cogging"
+    }
+    fn name(&self) -> &'static str {
+        "Cogging"
+    }
+    fn doc(&self) -> &'static str {
+        include_str!("cogging.rs")
+    }
+    fn parameters(&self) -> &'static [Spec] {
+        const {
+            &[
+                Spec { name: "amplitude", quantity: Quantity::Torque },
+                Spec { name: "phase", quantity: Quantity::Phase },
+                Spec { name: "periods", quantity: Quantity::Periodicity },
+            ]
+        }
+    }
+    fn confusions(&self) -> &'static [Confusion] {
+        const {
+            &[
+                Confusion {
+                    id: "torque-ripple",
+                    tell_apart_by: "repeat the slow motion under another constant load: cogging keeps its size, torque ripple grows with the drive",
+                },
+                Confusion {
+                    id: "position-dependent-friction",
+                    tell_apart_by: "cross the same positions slowly in both directions: cogging keeps its sign, friction changes it",
+                },
+            ]
+        }
+    }
+    fn sentence(&self, p: &[f64], motion: Motion) -> String {
+        let per = if motion == Motion::Rotary { "turn" } else { "metre" };
+        format!(
+            "A torque of {:.3e} {} repeats {:.4} times per {per}: compensate with a table over position, or stay above the speed where it shows.",
+            p[0],
+            Quantity::Torque.unit(motion),
+            p[2]
+        )
+    }
+    fn width(&self) -> usize {
+        2
+    }
+    fn inner(&self) -> Option<usize> {
+        Some(2)
+    }
+    fn grid(&self, survey: &Survey) -> Vec<f64> {
+        match survey.motion {
+            // One period a turn is gravity, and only a whole number of periods closes on itself.
+            Motion::Rotary => (2..=MOST_PER_TURN).map(f64::from).collect(),
+            Motion::Linear => {
+                // Two frequencies are told apart by half a period over the travel; a third of that scans safely.
+                let travel = (survey.travel.1 - survey.travel.0).max(f64::MIN_POSITIVE);
+                (6..=(3.0 * MOST_IN_TRAVEL) as u32).map(|k| f64::from(k) / (3.0 * travel)).collect()
+            }
+        }
+    }
+    fn basis(&self, inner: f64, at: Point, out: &mut [f64]) {
+        (out[0], out[1]) = (inner * at.angle).sin_cos();
+    }
+    fn named(&self, inner: f64, c: &[f64], _coulomb: f64) -> Vec<f64> {
+        vec![c[0].hypot(c[1]), c[1].atan2(c[0]), inner]
+    }
+    fn linear(&self, p: &[f64], _coulomb: f64) -> (f64, Vec<f64>) {
+        (p[2], vec![p[0] * p[1].cos(), p[0] * p[1].sin()])
+    }
+}

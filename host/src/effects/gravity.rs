@@ -1,0 +1,78 @@
+//! # What it is
+//! Unbalance of a rotary axis: `τ = amplitude·sin(q + phase)`, amplitude > 0. A pendulum whose rest position is
+//! `q = 0` has phase 0 and amplitude `m·g·l`.
+//!
+//! # What it looks like in a recording
+//! The axis needs drive to hold some positions; in free run it falls towards one. The residual is one sine per turn.
+//!
+//! # What excites it
+//! Travel of at least half a turn, better a full one.
+//!
+//! # Confused with
+//! spring and hardening-spring when the travel is a small part of a turn: use at least one full turn.
+//!
+//! # Example
+//! A robot joint with a horizontal axis; a pan-tilt head; an eccentric chuck.
+//!
+//! # References
+//! B. Siciliano et al., Robotics: Modelling, Planning and Control, 2009, ch. 7 (gravity terms).
+
+use super::{Confusion, Effect, Motion, Point, Quantity, Spec};
+
+pub(super) struct Gravity;
+
+impl Effect for Gravity {
+    fn id(&self) -> &'static str {
+        "gravity"
+    }
+    fn name(&self) -> &'static str {
+        "Gravity (unbalance)"
+    }
+    fn doc(&self) -> &'static str {
+        include_str!("gravity.rs")
+    }
+    fn parameters(&self) -> &'static [Spec] {
+        const {
+            &[
+                Spec { name: "amplitude", quantity: Quantity::Torque },
+                Spec { name: "phase", quantity: Quantity::Phase },
+            ]
+        }
+    }
+    fn confusions(&self) -> &'static [Confusion] {
+        const {
+            &[
+                Confusion {
+                    id: "spring",
+                    tell_apart_by: "turn the axis at least once around: gravity repeats every turn, a spring keeps winding up",
+                },
+                Confusion {
+                    id: "hardening-spring",
+                    tell_apart_by: "turn the axis at least once around: gravity repeats every turn, a hardening spring keeps stiffening",
+                },
+            ]
+        }
+    }
+    fn sentence(&self, p: &[f64], _motion: Motion) -> String {
+        format!(
+            "An unbalance of {:.3e} N*m pulls the axis towards q = {:.2} rad: balance it, or feed amplitude·sin(q + phase) forward.",
+            p[0],
+            (-p[1]).rem_euclid(std::f64::consts::TAU)
+        )
+    }
+    fn applies(&self, motion: Motion) -> bool {
+        motion == Motion::Rotary
+    }
+    fn width(&self) -> usize {
+        2
+    }
+    fn basis(&self, _inner: f64, at: Point, out: &mut [f64]) {
+        (out[0], out[1]) = at.q.sin_cos();
+    }
+    fn named(&self, _inner: f64, c: &[f64], _coulomb: f64) -> Vec<f64> {
+        vec![c[0].hypot(c[1]), c[1].atan2(c[0])]
+    }
+    fn linear(&self, p: &[f64], _coulomb: f64) -> (f64, Vec<f64>) {
+        (0.0, vec![p[0] * p[1].cos(), p[0] * p[1].sin()])
+    }
+}

@@ -1,0 +1,344 @@
+//! The catalogue of physical effects.
+//!
+//! One effect, one file: its equation, its weak-form columns, its simulation term (the same basis, summed), its
+//! bounds, its doc and its test. A new effect is a new file and one line in the list below; `identify`,
+//! `diagnose`, `simulate`, `explain` and the tests pick it up from there.
+//!
+//! An effect is a torque (or force) that resists motion, linear in its coefficients for a given *inner* parameter:
+//! `τ = Σⱼ cⱼ·bⱼ(inner; t, q, v, s)`. The inner parameter (a Stribeck velocity, a delay, …) is scanned.
+
+use crate::model::Motion;
+
+/// An instant of the motion, as an effect sees it.
+#[derive(Clone, Copy, Debug)]
+pub struct Point {
+    /// Position, rad or m.
+    pub q: f64,
+    /// Velocity, rad/s or m/s.
+    pub v: f64,
+    /// `2π` times turns (rotary: the position itself) or metres: what periodic effects count in.
+    pub angle: f64,
+    /// Direction of sliding, −1 to 1; a mean over the sampling interval where it changes inside.
+    pub s: f64,
+}
+
+impl Point {
+    /// The point of an axis that moves by `motion`.
+    pub fn new(motion: Motion, q: f64, v: f64, s: f64) -> Self {
+        let angle = if motion == Motion::Rotary {
+            q
+        } else {
+            std::f64::consts::TAU * q
+        };
+        Self { q, v, angle, s }
+    }
+}
+
+/// What the recordings at hand cover: the ground on which inner parameters are scanned.
+#[derive(Clone, Copy, Debug)]
+pub struct Survey {
+    /// Rotary or linear.
+    pub motion: Motion,
+    /// Sampling interval, s.
+    pub period: f64,
+    /// Half-width of the test functions, s.
+    pub half_width: f64,
+    /// Speed that 98 % of the samples stay below.
+    pub top_speed: f64,
+    /// Speed below which the sign of the measured velocity is in doubt.
+    pub slow: f64,
+    /// Smallest and largest position.
+    pub travel: (f64, f64),
+}
+
+/// What a parameter measures; the unit follows from it and from the motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    /// kg·m² or kg.
+    Inertia,
+    /// Torque or force per unit of `u`.
+    Gain,
+    /// N·m or N.
+    Torque,
+    /// Torque or force per speed.
+    Viscous,
+    /// Torque or force per squared speed.
+    Quadratic,
+    /// Torque or force per speed to a power below one.
+    PowerLaw,
+    /// Torque or force per displacement.
+    Stiffness,
+    /// Torque or force per cubed displacement.
+    Cubic,
+    /// rad/s or m/s.
+    Speed,
+    /// rad or m.
+    Position,
+    /// rad.
+    Phase,
+    /// Periods per turn or per metre.
+    Periodicity,
+    /// s.
+    Time,
+    /// A pure number.
+    Number,
+}
+
+impl Quantity {
+    /// The SI unit on an axis of this motion.
+    pub fn unit(self, motion: Motion) -> &'static str {
+        let (rotary, linear) = match self {
+            Self::Inertia => ("kg*m^2", "kg"),
+            Self::Torque => ("N*m", "N"),
+            Self::Viscous => ("N*m*s/rad", "N*s/m"),
+            Self::Quadratic => ("N*m*s^2/rad^2", "N*s^2/m^2"),
+            Self::PowerLaw => ("N*m*(s/rad)^exponent", "N*(s/m)^exponent"),
+            Self::Stiffness => ("N*m/rad", "N/m"),
+            Self::Cubic => ("N*m/rad^3", "N/m^3"),
+            Self::Speed => ("rad/s", "m/s"),
+            Self::Position => ("rad", "m"),
+            Self::Phase => ("rad", "rad"),
+            Self::Periodicity => ("1/turn", "1/m"),
+            Self::Time => ("s", "s"),
+            Self::Gain | Self::Number => ("1", "1"),
+        };
+        if motion == Motion::Rotary {
+            rotary
+        } else {
+            linear
+        }
+    }
+}
+
+/// One parameter of an effect.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spec {
+    /// Name in the model file and in the JSON.
+    pub name: &'static str,
+    /// What it measures.
+    pub quantity: Quantity,
+}
+
+/// A confusion that one kind of data cannot resolve.
+#[derive(Clone, Copy, Debug)]
+pub struct Confusion {
+    /// The other effect.
+    pub id: &'static str,
+    /// The experiment that decides, in one sentence.
+    pub tell_apart_by: &'static str,
+}
+
+/// One effect of the catalogue.
+pub trait Effect: Sync {
+    /// The stable id.
+    fn id(&self) -> &'static str;
+    /// The name that a person reads.
+    fn name(&self) -> &'static str;
+    /// The file's own documentation: what `explain` prints.
+    fn doc(&self) -> &'static str;
+    /// The parameters, in the order used throughout.
+    fn parameters(&self) -> &'static [Spec];
+    /// Effects that it is confused with.
+    fn confusions(&self) -> &'static [Confusion];
+    /// One sentence that a person can act on, from the estimated parameters.
+    fn sentence(&self, parameters: &[f64], motion: Motion) -> String;
+
+    /// Whether the effect exists on an axis of this motion.
+    fn applies(&self, _motion: Motion) -> bool {
+        true
+    }
+    /// Number of linear coefficients.
+    fn width(&self) -> usize {
+        1
+    }
+    /// Which parameter is the inner one, if any.
+    fn inner(&self) -> Option<usize> {
+        None
+    }
+    /// Values of the inner parameter to try, ascending; neighbours bracket an optimum.
+    fn grid(&self, _survey: &Survey) -> Vec<f64> {
+        vec![0.0]
+    }
+    /// The resisting torque of each unit coefficient, into `out` (length [`Effect::width`]).
+    fn basis(&self, _inner: f64, _at: Point, _out: &mut [f64]) {}
+    /// Named parameters from the linear solution.
+    fn named(&self, inner: f64, coefficients: &[f64], coulomb: f64) -> Vec<f64>;
+    /// The linear solution from named parameters: inner parameter and coefficients.
+    fn linear(&self, parameters: &[f64], coulomb: f64) -> (f64, Vec<f64>);
+    /// Whether physics allows these coefficients.
+    fn admissible(&self, _coefficients: &[f64]) -> bool {
+        true
+    }
+    /// How much later than recorded the input acts, in seconds.
+    fn delay(&self, _parameters: &[f64]) -> f64 {
+        0.0
+    }
+    /// Further quantities worth reporting with a finding: name, quantity, value as a function of all that is
+    /// needed (own parameters, Coulomb, viscous).
+    fn derived(&self) -> &'static [Derived] {
+        &[]
+    }
+}
+
+/// A quantity that follows from an effect's parameters and the friction law: `a·own[0] + b·coulomb + c·viscous`.
+#[derive(Clone, Copy, Debug)]
+pub struct Derived {
+    /// Name in the JSON.
+    pub name: &'static str,
+    /// What it measures.
+    pub quantity: Quantity,
+    /// Weights of the effect's first parameter, of Coulomb and of viscous friction.
+    pub weights: [f64; 3],
+}
+
+/// An effect of the catalogue that this version does not diagnose yet.
+#[derive(Clone, Copy, Debug)]
+pub struct Planned {
+    /// The stable id.
+    pub id: &'static str,
+    /// What it is.
+    pub summary: &'static str,
+}
+
+/// Declares the modules of the catalogue and lists them.
+macro_rules! catalogue {
+    ($($module:ident :: $effect:ident),* $(,)?) => {
+        $(mod $module;)*
+        /// Every effect that this version diagnoses.
+        pub static ALL: &[&dyn Effect] = &[$(&$module::$effect),*];
+    };
+}
+
+catalogue! {
+    direction_asymmetry::DirectionAsymmetry,
+    viscous_asymmetry::ViscousAsymmetry,
+    stribeck::Stribeck,
+    quadratic_drag::QuadraticDrag,
+    power_law_viscous::PowerLawViscous,
+    gravity::Gravity,
+    spring::Spring,
+    hardening_spring::HardeningSpring,
+    cogging::Cogging,
+    delay::Delay,
+}
+
+/// Finds an effect by id.
+pub fn find(id: &str) -> Option<&'static dyn Effect> {
+    ALL.iter().copied().find(|e| e.id() == id)
+}
+
+macro_rules! planned {
+    ($($id:literal : $summary:literal),* $(,)?) => {
+        /// Effects that have an id but are not diagnosed yet.
+        pub const PLANNED: &[Planned] = &[$(Planned { id: $id, summary: $summary }),*];
+    };
+}
+
+planned! {
+    "presliding": "elastic bristle deflection before sliding (Dahl, LuGre)",
+    "load-dependent-friction": "friction that grows with the transmitted torque",
+    "position-dependent-friction": "friction level that varies with position",
+    "thermal-drift": "friction that changes over the run as the axis warms",
+    "torque-ripple": "drive gain periodic in position: torque ripple in proportion to u",
+    "backlash": "lost motion between the driven and the measured side",
+    "compliance": "elastic transmission: a resonance between motor and load",
+    "actuator-lag": "first-order lag between u and torque (electrical time constant)",
+    "saturation": "torque limited at large u",
+    "input-dead-zone": "small u produces no torque (inverter dead time, amplifier dead band)",
+    "inertia-mismatch": "inertia given as known is wrong",
+    "sensor-eccentricity": "measured position has a once-per-turn error",
+    "periodic-disturbance": "external torque periodic in time",
+    "load-step": "external torque that switches on or off at some instant",
+}
+
+/// `count` values from `low` to `high`, equal ratios apart.
+fn geometric(low: f64, high: f64, count: usize) -> Vec<f64> {
+    let ratio = (high / low).powf(1.0 / (count - 1) as f64);
+    (0..count).map(|k| low * ratio.powi(k as i32)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{ALL, Motion, PLANNED, Point, find};
+
+    #[test]
+    fn the_catalogue_has_the_24_ids_once_each() {
+        let mut ids: Vec<&str> = ALL
+            .iter()
+            .map(|e| e.id())
+            .chain(PLANNED.iter().map(|p| p.id))
+            .collect();
+        ids.sort_unstable();
+        ids.dedup();
+        assert_eq!(ids.len(), 24);
+        assert!(find("stribeck").is_some() && find("backlash").is_none());
+    }
+
+    #[test]
+    fn every_doc_has_the_fixed_headings() {
+        for effect in ALL {
+            for heading in [
+                "What it is",
+                "What it looks like in a recording",
+                "What excites it",
+                "Confused with",
+                "Example",
+                "References",
+            ] {
+                assert!(
+                    effect.doc().contains(&format!("//! # {heading}\n")),
+                    "{}: {heading}",
+                    effect.id()
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn named_and_linear_parameters_are_inverse_to_each_other() {
+        for effect in ALL {
+            let named: Vec<f64> = (0..effect.parameters().len())
+                .map(|k| 0.7 + 0.2 * k as f64)
+                .collect();
+            let (inner, coefficients) = effect.linear(&named, 0.3);
+            assert_eq!(coefficients.len(), effect.width());
+            let again = effect.named(inner, &coefficients, 0.3);
+            assert!(
+                named.iter().zip(&again).all(|(a, b)| (a - b).abs() < 1e-12),
+                "{}: {named:?} {again:?}",
+                effect.id()
+            );
+        }
+    }
+
+    #[test]
+    fn confusions_name_effects_of_the_catalogue() {
+        for effect in ALL {
+            for confusion in effect.confusions() {
+                let known =
+                    find(confusion.id).is_some() || PLANNED.iter().any(|p| p.id == confusion.id);
+                assert!(
+                    known && confusion.id != effect.id(),
+                    "{} and {}",
+                    effect.id(),
+                    confusion.id
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn dissipative_effects_oppose_motion() {
+        for id in ["stribeck", "quadratic-drag", "power-law-viscous"] {
+            let effect = find(id).unwrap();
+            for v in [-2.0, -0.1, 0.1, 2.0_f64] {
+                let mut b = [0.0];
+                effect.basis(0.5, Point::new(Motion::Linear, 0.3, v, v.signum()), &mut b);
+                assert!(
+                    b[0] * v > 0.0 && effect.applies(Motion::Linear),
+                    "{id} at {v}"
+                );
+            }
+        }
+    }
+}

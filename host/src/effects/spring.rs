@@ -1,0 +1,70 @@
+//! # What it is
+//! A restoring torque linear in position: `τ = stiffness·q`, stiffness > 0, at rest where `q = 0`. (A rest position
+//! elsewhere shows as a constant beside it, which is direction-asymmetry.)
+//!
+//! # What it looks like in a recording
+//! The axis needs a drive that grows with its distance from zero. The residual is a straight line in position.
+//!
+//! # What excites it
+//! Slow motion over the whole travel.
+//!
+//! # Confused with
+//! gravity over a small part of a turn: use at least one full turn. hardening-spring over a small travel.
+//!
+//! # Example
+//! A flexure stage, a return spring, a cable that bends, the mass-spring system of friction studies.
+//!
+//! # References
+//! B. Armstrong-Hélouvry, Control of Machines with Friction, 1991 (mass-spring system with friction).
+
+use super::{Confusion, Effect, Motion, Point, Quantity, Spec};
+
+pub(super) struct Spring;
+
+impl Effect for Spring {
+    fn id(&self) -> &'static str {
+        "spring"
+    }
+    fn name(&self) -> &'static str {
+        "Spring"
+    }
+    fn doc(&self) -> &'static str {
+        include_str!("spring.rs")
+    }
+    fn parameters(&self) -> &'static [Spec] {
+        const { &[Spec { name: "stiffness", quantity: Quantity::Stiffness }] }
+    }
+    fn confusions(&self) -> &'static [Confusion] {
+        const {
+            &[
+                Confusion {
+                    id: "gravity",
+                    tell_apart_by: "turn the axis at least once around: a spring keeps winding up, gravity repeats every turn",
+                },
+                Confusion {
+                    id: "hardening-spring",
+                    tell_apart_by: "double the travel: a linear spring stays a straight line in position",
+                },
+            ]
+        }
+    }
+    fn sentence(&self, p: &[f64], motion: Motion) -> String {
+        format!(
+            "A spring of {:.3e} {} pulls the axis towards zero position: feed stiffness·q forward, or raise the integral action at the ends of the travel.",
+            p[0],
+            Quantity::Stiffness.unit(motion)
+        )
+    }
+    fn basis(&self, _inner: f64, at: Point, out: &mut [f64]) {
+        out[0] = at.q;
+    }
+    fn named(&self, _inner: f64, c: &[f64], _coulomb: f64) -> Vec<f64> {
+        c.to_vec()
+    }
+    fn linear(&self, p: &[f64], _coulomb: f64) -> (f64, Vec<f64>) {
+        (0.0, p.to_vec())
+    }
+    fn admissible(&self, c: &[f64]) -> bool {
+        c[0] > 0.0
+    }
+}

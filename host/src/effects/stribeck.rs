@@ -1,0 +1,91 @@
+//! # What it is
+//! Friction that falls as speed rises from zero: `τ = (Fs − Fc)·e^(−(v/vs)²)·sgn v` beside the Coulomb level, so that
+//! breakaway needs the static level `Fs > Fc`. `vs` is the Stribeck velocity.
+//!
+//! # What it looks like in a recording
+//! Slow moves need more drive than the Coulomb level; the axis stands longer at reversals and starts with a jerk; at
+//! very low speed it sticks and slips. The residual has the sign of velocity and lives near zero velocity.
+//!
+//! # What excites it
+//! Slow motion: at least a tenth of the time below the Stribeck velocity, slow ramps through zero.
+//!
+//! # Confused with
+//! presliding (a memory of displacement, not a function of speed): torque ramps below break-away tell.
+//! power-law-viscous has the opposite slope near zero.
+//!
+//! # Example
+//! Lubricated slideways and gear trains at low temperature; rubber seals.
+//!
+//! # References
+//! R. Stribeck, 1902; B. Armstrong-Hélouvry, Control of Machines with Friction, 1991;
+//! C. Canudas de Wit et al., A new model for control of systems with friction, IEEE TAC 40(3), 1995, eq. 4.
+
+use bristle_core::friction::Curve;
+
+use super::{Confusion, Effect, Motion, Point, Quantity, Spec, Survey, geometric};
+
+pub(super) struct Stribeck;
+
+impl Effect for Stribeck {
+    fn id(&self) -> &'static str {
+        "stribeck"
+    }
+    fn name(&self) -> &'static str {
+        "Stribeck effect"
+    }
+    fn doc(&self) -> &'static str {
+        include_str!("stribeck.rs")
+    }
+    fn parameters(&self) -> &'static [Spec] {
+        const {
+            &[
+                Spec { name: "static", quantity: Quantity::Torque },
+                Spec { name: "stribeck_velocity", quantity: Quantity::Speed },
+            ]
+        }
+    }
+    fn confusions(&self) -> &'static [Confusion] {
+        const {
+            &[
+                Confusion {
+                    id: "presliding",
+                    tell_apart_by: "ramp the drive slowly up and down below break-away: bristles deflect and spring back, a Stribeck curve gives no motion at all",
+                },
+                Confusion {
+                    id: "power-law-viscous",
+                    tell_apart_by: "drive slow constant speeds down to a hundredth of the top speed: Stribeck friction rises towards zero speed, lubricated friction falls",
+                },
+            ]
+        }
+    }
+    fn sentence(&self, p: &[f64], motion: Motion) -> String {
+        format!(
+            "Friction rises to {:.3e} {} towards zero speed, below about {:.3e} {}: expect stick-slip at slow set points, and compensate with the Stribeck curve rather than a constant.",
+            p[0],
+            Quantity::Torque.unit(motion),
+            p[1],
+            Quantity::Speed.unit(motion)
+        )
+    }
+    fn inner(&self) -> Option<usize> {
+        Some(1)
+    }
+    fn grid(&self, survey: &Survey) -> Vec<f64> {
+        // From where the sign of velocity is known to where the curve blends into the viscous part.
+        let high = 0.4 * survey.top_speed;
+        let low = survey.slow.max(0.005 * survey.top_speed).min(0.5 * high);
+        geometric(low, high, 10)
+    }
+    fn basis(&self, inner: f64, at: Point, out: &mut [f64]) {
+        out[0] = at.s * Curve::Exponential.decay(at.v / inner);
+    }
+    fn named(&self, inner: f64, c: &[f64], coulomb: f64) -> Vec<f64> {
+        vec![coulomb + c[0], inner]
+    }
+    fn linear(&self, p: &[f64], coulomb: f64) -> (f64, Vec<f64>) {
+        (p[1], vec![p[0] - coulomb])
+    }
+    fn admissible(&self, c: &[f64]) -> bool {
+        c[0] > 0.0
+    }
+}

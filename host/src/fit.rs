@@ -1,0 +1,192 @@
+//! How well a model predicts: free runs over windows, driven by `u` alone.
+
+use serde::Serialize;
+
+use crate::axis::Axis;
+use crate::error::Result;
+use crate::model::{Causality, Model};
+use crate::recording::Recording;
+use crate::simulate::{self, State};
+use crate::weak::{TRAIN_SHARE, Track};
+
+/// Length of the free-run windows that the fit is judged on, s.
+pub const HORIZON: f64 = 1.0;
+
+/// Errors of one part of the recordings.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Error {
+    /// RMS error over RMS of the measured change in the windows.
+    pub nrmse: f64,
+    /// RMS error in the unit of the measurement (of `u` for inverse recordings).
+    pub rmse: f64,
+}
+
+/// Errors of the training part and of the held-out part.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Fit {
+    /// First 70 % of each recording.
+    pub train: Error,
+    /// Last 30 % of each recording.
+    pub held_out: Error,
+    /// One free run over each whole recording, from its first state: RMS error in the unit of the measurement.
+    pub free_run_rmse: f64,
+}
+
+/// Predicted position and velocity at every sample, restarted from the measured state every `horizon` seconds.
+pub fn predict(
+    axis: &Axis,
+    recording: &Recording,
+    track: &Track,
+    horizon: f64,
+    from: usize,
+    to: usize,
+) -> Vec<State> {
+    let mut states = Vec::with_capacity(to - from);
+    let mut first = from;
+    while first < to {
+        let end = recording
+            .t
+            .partition_point(|&t| t < recording.t[first] + horizon - 1e-9)
+            .clamp(first + 1, to);
+        let start = measured_state(recording, track, first);
+        states.extend(simulate::run(axis, recording, first, end - 1, start));
+        first = end;
+    }
+    states
+}
+
+/// The measured state at a sample: its position and the smoothed velocity.
+pub fn measured_state(recording: &Recording, track: &Track, sample: usize) -> State {
+    let node =
+        ((recording.t[sample] - track.start) / track.period).clamp(0.0, (track.v.len() - 1) as f64);
+    let (k, r) = (node as usize, node.fract());
+    let right = track.v[(k + 1).min(track.v.len() - 1)];
+    let smooth = track.v[k] + r * (right - track.v[k]);
+    // An axis at rest starts at rest: quantisation must not push it.
+    let v = if smooth.abs() <= 3.0 * track.velocity_noise
+        && track.barred[k.min(track.barred.len() - 1)]
+    {
+        0.0
+    } else {
+        smooth
+    };
+    State {
+        q: recording
+            .q
+            .as_ref()
+            .map_or_else(|| track.q[k], |q| q[sample]),
+        v,
+    }
+}
+
+/// Sums of squares over windows.
+#[derive(Default)]
+struct Sums {
+    error: f64,
+    signal: f64,
+    count: usize,
+}
+
+impl Sums {
+    fn error(&self) -> Error {
+        let count = self.count.max(1) as f64;
+        Error {
+            nrmse: (self.error / self.signal.max(f64::MIN_POSITIVE)).sqrt(),
+            rmse: (self.error / count).sqrt(),
+        }
+    }
+}
+
+/// Judges a complete model on its recordings.
+pub fn judge(model: &Model, recordings: &[Recording], tracks: &[Track]) -> Result<Fit> {
+    let axis = Axis::new(model)?;
+    let mut sums = [Sums::default(), Sums::default(), Sums::default()];
+    for (recording, track) in recordings.iter().zip(tracks) {
+        let boundary = (TRAIN_SHARE * recording.len() as f64) as usize;
+        if model.causality == Causality::Inverse {
+            let force = inverse(&axis, track);
+            for (k, force) in force.iter().enumerate().take(recording.len()) {
+                let part = usize::from(k >= boundary);
+                for sum in [part, 2] {
+                    sums[sum].error += (force - recording.u[k]).powi(2);
+                    sums[sum].signal += recording.u[k].powi(2);
+                    sums[sum].count += 1;
+                }
+            }
+            continue;
+        }
+        for (part, range) in [(0, 0..boundary), (1, boundary..recording.len())] {
+            windows(&axis, recording, track, HORIZON, range, &mut sums[part]);
+        }
+        let whole = f64::INFINITY;
+        windows(
+            &axis,
+            recording,
+            track,
+            whole,
+            0..recording.len(),
+            &mut sums[2],
+        );
+    }
+    Ok(Fit {
+        train: sums[0].error(),
+        held_out: sums[1].error(),
+        free_run_rmse: sums[2].error().rmse,
+    })
+}
+
+fn windows(
+    axis: &Axis,
+    recording: &Recording,
+    track: &Track,
+    horizon: f64,
+    range: std::ops::Range<usize>,
+    sums: &mut Sums,
+) {
+    let positions = recording.q.is_some();
+    let measured = recording.measured();
+    let mut first = range.start;
+    while first < range.end {
+        let end = recording
+            .t
+            .partition_point(|&t| t < recording.t[first] + horizon - 1e-9)
+            .clamp(first + 1, range.end);
+        let start = measured_state(recording, track, first);
+        let states = simulate::run(axis, recording, first, end - 1, start);
+        for (state, x) in states.iter().zip(&measured[first..end]) {
+            let predicted = if positions {
+                state.q - start.q
+            } else {
+                state.v - measured[first]
+            };
+            let change = x - measured[first];
+            // A model that runs away counts as a large error, not as a missing one.
+            let error = predicted - change;
+            sums.error += if error.is_finite() {
+                (error * error).min(1e12 * (1.0 + change * change))
+            } else {
+                1e12
+            };
+            sums.signal += change * change;
+            sums.count += 1;
+        }
+        first = end;
+    }
+}
+
+/// The input that the model asks for along the measured motion, at every node of the track.
+pub fn inverse(axis: &Axis, track: &Track) -> Vec<f64> {
+    let n = track.q.len();
+    (0..n)
+        .map(|k| {
+            let (a, b) = (k.max(1) - 1, (k + 1).min(n - 1));
+            let acceleration = (track.v[b] - track.v[a]) / ((b - a) as f64 * track.period);
+            let s = if track.v[k] == 0.0 {
+                0.0
+            } else {
+                track.v[k].signum()
+            };
+            (axis.inertia * acceleration + axis.resistance(track.q[k], track.v[k], s)) / axis.gain
+        })
+        .collect()
+}

@@ -1,0 +1,259 @@
+//! Identification by the weak form (DBI): from recordings and a model with unknowns to values with errors.
+
+use std::rc::Rc;
+
+use crate::dictionary::Dictionary;
+use crate::error::{Error, Result};
+use crate::fit::{self, Fit};
+use crate::linear;
+use crate::model::Model;
+use crate::noise::Noise;
+use crate::problem::Problem;
+use crate::recording::Recording;
+use crate::system::{self, System};
+use crate::weak::{Part, Track};
+
+/// Half-widths of test functions that are tried, s. The narrowest passes motion up to 7 Hz (−3 dB), the band in which an
+/// axis is a rigid body and its drive an ideal one; narrower windows bring in current loops and resonances.
+const HALF_WIDTHS: [f64; 4] = [0.07, 0.1, 0.14, 0.2];
+/// Samples under half a test function at least: below, the trapezoidal sums lose their accuracy.
+const FEWEST_SAMPLES: usize = 8;
+/// Rows that a fit needs at least.
+const FEWEST_ROWS: usize = 40;
+
+/// Everything that fits of one set of recordings share: rows, folds and noise.
+pub struct Workbench {
+    /// The weak form of the recordings.
+    pub problem: Problem,
+    /// Cross-validation fold of every training row.
+    pub folds: Vec<Option<usize>>,
+    /// Noise of the rows.
+    pub noise: Noise,
+    /// Generic functions of each coordinate.
+    pub dictionary: Dictionary,
+}
+
+/// A model with estimated values, and how well it predicts.
+pub struct Identified {
+    /// All parameters have values; estimated ones have standard errors.
+    pub model: Model,
+    /// χ² of the whitened training rows.
+    pub chi2: f64,
+    /// Prediction errors.
+    pub fit: Fit,
+}
+
+/// Fits a model to recordings.
+pub fn identify(recordings: &[Recording], model: &Model) -> Result<(Workbench, Identified)> {
+    let bench = Workbench::new(recordings, model)?;
+    let identified = bench.fit(model, recordings)?;
+    Ok((bench, identified))
+}
+
+impl Workbench {
+    /// Chooses the width of the windows, lays them out and estimates the noise.
+    pub fn new(recordings: &[Recording], model: &Model) -> Result<Self> {
+        let tracks = Problem::tracks(recordings, model);
+        let dictionary = Dictionary::new(&tracks);
+        let reach = choose_reach(&tracks, &dictionary, model)?;
+        let problem = Problem::new(tracks, &reach, model);
+        let train = problem.count(Part::Train);
+        if train < FEWEST_ROWS {
+            return Err(Error::NotIdentifiable(format!(
+                "only {train} windows of motion are left in the first 70 % of the recording after standstill and gaps are set aside; at least {FEWEST_ROWS} are needed: record for longer, or drive above break-away for more of the time"
+            )));
+        }
+        let folds = system::folds(&problem);
+        let start = with_starts(&problem, model);
+        let system = System::new(&problem, &start)?;
+        let (residual, unknowns) = follow_everything(&problem, &system, &dictionary, &folds)?;
+        let noise = Noise::estimate(&problem, &residual, unknowns);
+        Ok(Self {
+            problem,
+            folds,
+            noise,
+            dictionary,
+        })
+    }
+
+    /// Estimates all unknown parameters of a model: linear start, scan of inner parameters, joint refinement.
+    pub fn estimate(&self, model: &Model) -> Result<(Model, f64)> {
+        let mut model = self.scan(with_starts(&self.problem, model))?;
+        let system = System::new(&self.problem, &model)?;
+        let score = system
+            .whitened(&self.noise)
+            .score(&self.folds)
+            .ok_or_else(|| undetermined(&model))?;
+        system.decode(&score.beta, &mut model);
+        if model.inertia.value.is_some_and(|j| j <= 0.0) {
+            return Err(Error::NotIdentifiable(
+                "the motion does not follow u: the estimated inertia is negative; check the sign of u and of q, and which columns they are".to_owned(),
+            ));
+        }
+        for parameter in model.parameters_mut() {
+            parameter.value = parameter.value.map(|v| {
+                if parameter.known {
+                    v
+                } else {
+                    parameter.clamp(v)
+                }
+            });
+        }
+        let chi2 = system::refine(&self.problem, &mut model, &self.noise, &self.folds);
+        Ok((model, chi2))
+    }
+
+    /// Estimates and judges a model.
+    pub fn fit(&self, model: &Model, recordings: &[Recording]) -> Result<Identified> {
+        let (model, chi2) = self.estimate(model)?;
+        let fit = fit::judge(&model, recordings, &self.problem.tracks)?;
+        Ok(Identified { model, chi2, fit })
+    }
+
+    /// Gives each unknown inner parameter the value of its grid that fits best, one term after the other.
+    fn scan(&self, mut model: Model) -> Result<Model> {
+        for term in 0..model.terms.len() {
+            let effect = model.terms[term].effect;
+            let Some(inner) = effect.inner() else {
+                continue;
+            };
+            let parameter = &model.terms[term].parameters[inner];
+            if parameter.known || parameter.se.is_some() {
+                continue;
+            }
+            let parameter = parameter.clone();
+            let mut best: Option<(f64, f64)> = None;
+            for value in effect.grid(&self.problem.survey()) {
+                let value = parameter.clamp(value);
+                model.terms[term].parameters[inner].value = Some(value);
+                let system = System::new(&self.problem, &model)?;
+                let Some(score) = system.whitened(&self.noise).score(&self.folds) else {
+                    continue;
+                };
+                if best.is_none_or(|(chi2, _)| score.chi2 < chi2)
+                    && system.decode(&score.beta, &mut model.clone())
+                {
+                    best = Some((score.chi2, value));
+                }
+            }
+            if let Some((_, value)) = best {
+                model.terms[term].parameters[inner].value = Some(value);
+            }
+        }
+        Ok(model)
+    }
+}
+
+/// The model with a middle-of-the-grid value for each inner parameter that has none.
+fn with_starts(problem: &Problem, model: &Model) -> Model {
+    let mut model = model.clone();
+    let survey = problem.survey();
+    for term in &mut model.terms {
+        if let Some(inner) = term.effect.inner() {
+            let parameter = &mut term.parameters[inner];
+            if parameter.value.is_none() {
+                let grid = term.effect.grid(&survey);
+                parameter.value = Some(parameter.clamp(grid[grid.len() / 2]));
+            }
+        }
+    }
+    model
+}
+
+/// Residual, in every row, of a fit of the system and the whole dictionary to the training rows, and how many
+/// unknowns that fit had.
+fn follow_everything(
+    problem: &Problem,
+    system: &System,
+    dictionary: &Dictionary,
+    folds: &[Option<usize>],
+) -> Result<(Vec<f64>, usize)> {
+    let generic: Vec<Rc<Vec<f64>>> = dictionary
+        .groups(problem)
+        .into_iter()
+        .flat_map(|g| g.columns)
+        .collect();
+    let columns: Vec<&[f64]> = system
+        .columns
+        .iter()
+        .map(Vec::as_slice)
+        .chain(generic.iter().map(|c| c.as_slice()))
+        .collect();
+    let score = linear::score(&system.response, &columns, folds, 1e-6)
+        .ok_or_else(|| Error::Internal("the generic dictionary is degenerate".to_owned()))?;
+    let mut residual = system.response.clone();
+    for (column, beta) in columns.iter().zip(score.beta.iter()) {
+        residual
+            .iter_mut()
+            .zip(*column)
+            .for_each(|(r, c)| *r -= beta * c);
+    }
+    Ok((residual, columns.len()))
+}
+
+/// The narrowest width at which the encoder's noise no longer dominates, in samples of each track.
+///
+/// Encoder noise in `∫q φ̈` falls with the width to the power −5/2, everything else with −1/2 at most. Where it makes
+/// up a third of the residual variance or less, widening gains little precision and loses resolution in time.
+fn choose_reach(tracks: &[Track], dictionary: &Dictionary, model: &Model) -> Result<Vec<usize>> {
+    let reach = |track: &Track, width: f64| {
+        let most = (track.q.len() / 40).max(FEWEST_SAMPLES);
+        ((width / track.period).round() as usize).clamp(FEWEST_SAMPLES, most)
+    };
+    let mut reaches = Vec::new();
+    for width in HALF_WIDTHS {
+        reaches = tracks.iter().map(|t| reach(t, width)).collect();
+        let problem = Problem::new(tracks.to_vec(), &reaches, model);
+        if problem.count(Part::Train) < FEWEST_ROWS
+            || encoder_share(&problem, dictionary, model)? <= 1.0 / 3.0
+        {
+            break;
+        }
+    }
+    Ok(reaches)
+}
+
+/// Share of the residual variance that encoder noise accounts for.
+fn encoder_share(problem: &Problem, dictionary: &Dictionary, model: &Model) -> Result<f64> {
+    let system = System::new(problem, &with_starts(problem, model))?;
+    let folds = system::folds(problem);
+    let (residual, unknowns) = follow_everything(problem, &system, dictionary, &folds)?;
+    let mut squares: Vec<f64> = residual
+        .iter()
+        .zip(&folds)
+        .filter(|(_, f)| f.is_some())
+        .map(|(r, _)| r * r)
+        .collect();
+    squares.sort_by(f64::total_cmp);
+    let train = squares.len() as f64;
+    // The median of χ² with one degree of freedom is 0.455; the median ignores reversals.
+    let variance =
+        squares[squares.len() / 2] / 0.455 * train / (train - unknowns as f64).max(0.2 * train);
+    let scale = match model.causality {
+        crate::model::Causality::Forward => 1.0,
+        crate::model::Causality::Inverse => model.inertia.value.unwrap_or(0.0),
+    };
+    let encoder = problem
+        .tracks
+        .iter()
+        .zip(&problem.windows)
+        .map(|(t, w)| (scale * t.position_noise).powi(2) * w.acceleration_noise());
+    Ok(encoder.fold(0.0, f64::max) / variance.max(1e-300))
+}
+
+fn undetermined(model: &Model) -> Error {
+    let names: Vec<String> = model
+        .labels()
+        .iter()
+        .zip(model.parameters())
+        .filter(|(_, p)| !p.known)
+        .map(|(l, _)| {
+            l.effect
+                .map_or_else(|| l.name.to_owned(), |id| format!("{id}.{}", l.name))
+        })
+        .collect();
+    Error::NotIdentifiable(format!(
+        "the recording does not excite the model: {} cannot be told apart; drive both directions at several speeds",
+        names.join(", ")
+    ))
+}

@@ -1,0 +1,102 @@
+//! Linear least squares over whitened rows, with cross-validation by interleaved blocks.
+
+use nalgebra::{DMatrix, DVector};
+
+/// The score of a linear fit.
+#[derive(Clone, Debug)]
+pub struct Score {
+    /// Coefficients.
+    pub beta: DVector<f64>,
+    /// Sum of squared whitened residuals over all training rows.
+    pub chi2: f64,
+    /// Sum of squared whitened residuals, each block predicted by a fit to the others.
+    pub cross_validated: f64,
+}
+
+/// `XᵀX`, `Xᵀy` and `yᵀy` of some rows.
+#[derive(Clone)]
+struct Gram {
+    xx: DMatrix<f64>,
+    xy: DVector<f64>,
+    yy: f64,
+}
+
+impl Gram {
+    fn zero(n: usize) -> Self {
+        Self {
+            xx: DMatrix::zeros(n, n),
+            xy: DVector::zeros(n),
+            yy: 0.0,
+        }
+    }
+
+    /// Minimiser; a relative ridge of `ridge` (plus rounding) keeps dependent columns harmless.
+    fn solve(&self, ridge: f64) -> Option<DVector<f64>> {
+        let n = self.xy.len();
+        let scale: Vec<f64> = (0..n).map(|i| self.xx[(i, i)].sqrt().max(1e-150)).collect();
+        let mut scaled = DMatrix::from_fn(n, n, |i, j| self.xx[(i, j)] / (scale[i] * scale[j]));
+        for i in 0..n {
+            scaled[(i, i)] += 1e-12 + ridge;
+        }
+        let right = DVector::from_fn(n, |i, _| self.xy[i] / scale[i]);
+        let solution = scaled.cholesky()?.solve(&right);
+        Some(DVector::from_fn(n, |i, _| solution[i] / scale[i]))
+    }
+
+    fn residual(&self, beta: &DVector<f64>) -> f64 {
+        (self.yy - 2.0 * beta.dot(&self.xy) + beta.dot(&(&self.xx * beta))).max(0.0)
+    }
+}
+
+/// Fits `response ≈ columns·β` over the rows that have a fold and scores it.
+///
+/// `folds[k]` is the fold of row `k`, `None` for rows that no fit may see. Returns `None` when the columns do not
+/// determine β.
+pub fn score(
+    response: &[f64],
+    columns: &[&[f64]],
+    folds: &[Option<usize>],
+    ridge: f64,
+) -> Option<Score> {
+    let n = columns.len();
+    let count = folds.iter().flatten().max()? + 1;
+    let mut grams = vec![Gram::zero(n); count];
+    let mut x = vec![0.0; n];
+    for (row, fold) in folds.iter().enumerate() {
+        let Some(fold) = *fold else { continue };
+        let gram = &mut grams[fold];
+        x.iter_mut().zip(columns).for_each(|(x, c)| *x = c[row]);
+        let y = response[row];
+        gram.yy += y * y;
+        for j in 0..n {
+            gram.xy[j] += x[j] * y;
+            let xj = x[j];
+            let column = &mut gram.xx.as_mut_slice()[j * n..j * n + j + 1];
+            column.iter_mut().zip(&x).for_each(|(g, xi)| *g += xi * xj);
+        }
+    }
+    for gram in &mut grams {
+        gram.xx.fill_lower_triangle_with_upper_triangle();
+    }
+    let mut total = Gram::zero(n);
+    for gram in &grams {
+        total.xx += &gram.xx;
+        total.xy += &gram.xy;
+        total.yy += gram.yy;
+    }
+    let beta = total.solve(ridge)?;
+    let mut cross_validated = 0.0;
+    for gram in &grams {
+        let others = Gram {
+            xx: &total.xx - &gram.xx,
+            xy: &total.xy - &gram.xy,
+            yy: 0.0,
+        };
+        cross_validated += gram.residual(&others.solve(ridge)?);
+    }
+    Some(Score {
+        chi2: total.residual(&beta),
+        beta,
+        cross_validated,
+    })
+}

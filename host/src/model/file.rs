@@ -1,0 +1,374 @@
+//! Model files: reading to the contract, and writing values back into the same text.
+
+use std::path::Path;
+
+use toml_edit::{DocumentMut, Item, Table, TableLike, value};
+
+use super::{Causality, Columns, Law, Model, Motion, Parameter, Term};
+use crate::effects::{self, Effect};
+use crate::error::{Error, Result};
+
+impl Model {
+    /// Reads a model file.
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = std::fs::read_to_string(path).map_err(|reason| Error::Unreadable {
+            path: path.to_owned(),
+            reason,
+        })?;
+        Self::parse(&text).map_err(|what| Error::Model {
+            path: path.to_owned(),
+            what,
+        })
+    }
+
+    /// Parses the text of a model file; the message says what is wrong and under which key.
+    pub fn parse(text: &str) -> std::result::Result<Self, String> {
+        let document: DocumentMut = text.parse().map_err(|e| format!("not valid TOML: {e}"))?;
+        only(
+            document.as_table(),
+            "the file",
+            &["name", "plant", "friction", "columns", "effects"],
+        )?;
+        let plant = section(&document, "plant")?.ok_or(
+            "the section [plant] is missing; it says at least motion = \"rotary\" or \"linear\"",
+        )?;
+        only(
+            plant,
+            "[plant]",
+            &["motion", "input", "gain", "inertia", "causality"],
+        )?;
+        let motion = match word(plant, "plant", "motion", &["rotary", "linear"])?
+            .ok_or("plant.motion is missing; write \"rotary\" or \"linear\"")?
+        {
+            "rotary" => Motion::Rotary,
+            _ => Motion::Linear,
+        };
+        let torque = if motion == Motion::Rotary {
+            "torque"
+        } else {
+            "force"
+        };
+        let input = word(
+            plant,
+            "plant",
+            "input",
+            &["torque", "force", "voltage", "current"],
+        )?
+        .unwrap_or(torque);
+        let causality = match word(plant, "plant", "causality", &["forward", "inverse"])? {
+            Some("inverse") => Causality::Inverse,
+            _ => Causality::Forward,
+        };
+        let gain = parameter(plant, "plant", "gain")?.unwrap_or_else(|| Parameter::known(1.0));
+        let inertia = parameter(plant, "plant", "inertia")?.unwrap_or_default();
+        for (name, parameter) in [("gain", &gain), ("inertia", &inertia)] {
+            if parameter.value.is_some_and(|v| v <= 0.0) {
+                return Err(format!("plant.{name} must be positive"));
+            }
+        }
+        let (law, coulomb, viscous, mut terms) = friction(section(&document, "friction")?)?;
+        terms.extend(effect_terms(
+            section(&document, "effects")?,
+            motion,
+            &terms,
+        )?);
+        Ok(Self {
+            name: document
+                .get("name")
+                .and_then(Item::as_str)
+                .unwrap_or("axis")
+                .to_owned(),
+            motion,
+            input: input.to_owned(),
+            causality,
+            law,
+            gain,
+            inertia,
+            coulomb,
+            viscous,
+            terms,
+            columns: columns(section(&document, "columns")?)?,
+            document,
+        })
+    }
+
+    /// The model file with the present values, the user's comments and layout kept.
+    pub fn to_toml(&self) -> String {
+        let mut document = self.document.clone();
+        let plant = table(&mut document, "plant");
+        plant.insert("gain", self.gain.to_toml());
+        plant.insert("inertia", self.inertia.to_toml());
+        let friction = table(&mut document, "friction");
+        if !friction.contains_key("model") {
+            friction.insert("model", value("coulomb-viscous"));
+        }
+        friction.insert("coulomb", self.coulomb.to_toml());
+        friction.insert("viscous", self.viscous.to_toml());
+        for term in &self.terms {
+            let section = if term.in_law {
+                table(&mut document, "friction")
+            } else {
+                let effects = table(&mut document, "effects");
+                effects.set_implicit(true);
+                subtable(effects, term.effect.id())
+            };
+            for (spec, parameter) in term.effect.parameters().iter().zip(&term.parameters) {
+                section.insert(spec.name, parameter.to_toml());
+            }
+        }
+        document.to_string()
+    }
+}
+
+type Friction = (Law, Parameter, Parameter, Vec<Term>);
+
+fn friction(section: Option<&dyn TableLike>) -> std::result::Result<Friction, String> {
+    let Some(section) = section else {
+        return Ok((
+            Law::CoulombViscous,
+            Parameter::unknown(),
+            Parameter::unknown(),
+            Vec::new(),
+        ));
+    };
+    let laws = [
+        "coulomb-viscous",
+        "stribeck",
+        "static",
+        "dahl",
+        "lugre",
+        "modified-lugre",
+    ];
+    let law = match word(section, "friction", "model", &laws)? {
+        None | Some("coulomb-viscous") => Law::CoulombViscous,
+        Some("stribeck") => Law::Stribeck,
+        Some("static") => Law::Static,
+        Some(dynamic) => {
+            return Err(format!(
+                "friction.model = {dynamic:?} is a law with a bristle state, which this version does not fit or simulate yet; use \"coulomb-viscous\", \"stribeck\" or \"static\""
+            ));
+        }
+    };
+    let mut keys = vec!["model", "coulomb", "viscous"];
+    if law != Law::CoulombViscous {
+        keys.extend(["static", "stribeck_velocity"]);
+    }
+    only(section, "[friction]", &keys)?;
+    let get = |name| parameter(section, "friction", name).map(Option::unwrap_or_default);
+    let mut terms = Vec::new();
+    if law != Law::CoulombViscous {
+        terms.push(Term {
+            effect: effects::find("stribeck").ok_or("the stribeck effect is not built in")?,
+            parameters: vec![get("static")?, get("stribeck_velocity")?],
+            in_law: true,
+        });
+    }
+    Ok((law, get("coulomb")?, get("viscous")?, terms))
+}
+
+fn effect_terms(
+    section: Option<&dyn TableLike>,
+    motion: Motion,
+    law: &[Term],
+) -> std::result::Result<Vec<Term>, String> {
+    let Some(section) = section else {
+        return Ok(Vec::new());
+    };
+    let mut terms = Vec::new();
+    for (id, item) in section.iter() {
+        let effect = effects::find(id).ok_or_else(|| unknown_effect(id))?;
+        if law.iter().any(|t| t.effect.id() == id) {
+            return Err(format!(
+                "[effects.{id}] repeats what friction.model has already; remove one of the two"
+            ));
+        }
+        if !effect.applies(motion) {
+            return Err(format!(
+                "[effects.{id}] does not apply to a {} axis",
+                motion.as_str()
+            ));
+        }
+        let table = item
+            .as_table_like()
+            .ok_or_else(|| format!("effects.{id} must be a section [effects.{id}]"))?;
+        terms.push(term(effect, table)?);
+    }
+    Ok(terms)
+}
+
+fn term(effect: &'static dyn Effect, table: &dyn TableLike) -> std::result::Result<Term, String> {
+    let section = format!("effects.{}", effect.id());
+    let names: Vec<&str> = effect.parameters().iter().map(|s| s.name).collect();
+    only(table, &format!("[{section}]"), &names)?;
+    let parameters = names
+        .iter()
+        .map(|name| parameter(table, &section, name).map(Option::unwrap_or_default))
+        .collect::<std::result::Result<_, _>>()?;
+    Ok(Term {
+        effect,
+        parameters,
+        in_law: false,
+    })
+}
+
+fn unknown_effect(id: &str) -> String {
+    if effects::PLANNED.iter().any(|p| p.id == id) {
+        return format!(
+            "[effects.{id}]: this effect is in the catalogue but not in this version yet (see bristle explain {id})"
+        );
+    }
+    let ids: Vec<&str> = effects::ALL.iter().map(|e| e.id()).collect();
+    format!(
+        "[effects.{id}] is not an effect; there are {}",
+        ids.join(", ")
+    )
+}
+
+fn columns(section: Option<&dyn TableLike>) -> std::result::Result<Columns, String> {
+    let Some(section) = section else {
+        return Ok(Columns::new());
+    };
+    only(
+        section,
+        "[columns]",
+        &["t", "u", "q", "v", "i", "temp", "q_ref"],
+    )?;
+    let entry = |(key, item): (&str, &Item)| {
+        let name = item
+            .as_str()
+            .ok_or_else(|| format!("columns.{key} must be a column name in quotes"))?;
+        Ok((key.to_owned(), name.to_owned()))
+    };
+    section.iter().map(entry).collect()
+}
+
+fn section<'a>(
+    document: &'a DocumentMut,
+    name: &str,
+) -> std::result::Result<Option<&'a dyn TableLike>, String> {
+    match document.get(name) {
+        None => Ok(None),
+        Some(item) => item
+            .as_table_like()
+            .map(Some)
+            .ok_or_else(|| format!("{name} must be a section [{name}]")),
+    }
+}
+
+fn parameter(
+    table: &dyn TableLike,
+    section: &str,
+    name: &str,
+) -> std::result::Result<Option<Parameter>, String> {
+    let Some(item) = table.get(name) else {
+        return Ok(None);
+    };
+    Parameter::from_toml(item)
+        .map(Some)
+        .map_err(|what| format!("{section}.{name}: {what}"))
+}
+
+fn word<'a>(
+    table: &'a dyn TableLike,
+    section: &str,
+    key: &str,
+    allowed: &[&str],
+) -> std::result::Result<Option<&'a str>, String> {
+    let Some(item) = table.get(key) else {
+        return Ok(None);
+    };
+    match item.as_str() {
+        Some(word) if allowed.contains(&word) => Ok(Some(word)),
+        _ => Err(format!(
+            "{section}.{key} must be one of \"{}\"",
+            allowed.join("\", \"")
+        )),
+    }
+}
+
+fn only(table: &dyn TableLike, place: &str, allowed: &[&str]) -> std::result::Result<(), String> {
+    match table.iter().find(|(key, _)| !allowed.contains(key)) {
+        None => Ok(()),
+        Some((key, _)) => Err(format!(
+            "{key:?} does not belong in {place}; it may hold {}",
+            allowed.join(", ")
+        )),
+    }
+}
+
+fn table<'a>(document: &'a mut DocumentMut, name: &str) -> &'a mut Table {
+    subtable(document.as_table_mut(), name)
+}
+
+/// The sub-table `name`, made if absent; an inline table becomes a section so that both can be edited alike.
+fn subtable<'a>(parent: &'a mut Table, name: &str) -> &'a mut Table {
+    let item = parent
+        .entry(name)
+        .or_insert_with(|| Item::Table(Table::new()));
+    if !item.is_table() {
+        let table = std::mem::take(item).into_table().unwrap_or_default();
+        *item = Item::Table(table);
+    }
+    item.as_table_mut().expect("just made a table")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Model, Parameter};
+
+    const TEXT: &str = "name = \"axis\"\n[plant]\nmotion = \"linear\"\ninput = \"voltage\"\ngain = 35.15\ninertia = \"?\" # to find\n[friction]\nmodel = \"coulomb-viscous\"\ncoulomb = { value = 20.0, min = 0.0 }\n[effects.spring]\n[columns]\nu = \"vir\"\n";
+
+    #[test]
+    fn reads_values_unknowns_and_bounds() {
+        let model = Model::parse(TEXT).unwrap();
+        assert_eq!(model.gain, Parameter::known(35.15));
+        assert_eq!(model.inertia, Parameter::unknown());
+        assert!(model.coulomb.known && model.coulomb.min == Some(0.0));
+        assert_eq!(model.viscous, Parameter::unknown());
+        assert!(model.has("spring"));
+        assert_eq!(model.columns["u"], "vir");
+    }
+
+    #[test]
+    fn what_is_written_reads_back_the_same() {
+        let mut model = Model::parse(TEXT)
+            .unwrap()
+            .with_effect(crate::effects::find("stribeck").unwrap());
+        for (k, parameter) in model.parameters_mut().into_iter().enumerate() {
+            if !parameter.known {
+                parameter.value = Some(0.1 + k as f64 / 3.0);
+                parameter.se = Some(1e-3);
+            }
+        }
+        let text = model.to_toml();
+        assert!(text.contains("# to find"), "{text}");
+        let again = Model::parse(&text).unwrap();
+        assert_eq!(again.parameters(), model.parameters());
+        assert_eq!(again.labels(), model.labels());
+    }
+
+    #[test]
+    fn messages_name_the_key() {
+        let message = |text: &str| Model::parse(text).err().unwrap();
+        assert!(message("[plant]\nmotion = \"round\"").contains("plant.motion must be one of"));
+        assert!(
+            message("[plant]\nmotion = \"rotary\"\ninertia = \"big\"")
+                .contains("plant.inertia: \"big\"")
+        );
+        assert!(
+            message("[plant]\nmotion = \"rotary\"\nmass = 1")
+                .contains("\"mass\" does not belong in [plant]")
+        );
+        assert!(
+            message("[plant]\nmotion = \"rotary\"\n[effects.strybeck]")
+                .contains("is not an effect")
+        );
+        assert!(
+            message("[plant]\nmotion = \"rotary\"\n[effects.backlash]")
+                .contains("not in this version yet")
+        );
+        assert!(
+            message("[plant]\nmotion = \"linear\"\n[effects.gravity]").contains("does not apply")
+        );
+    }
+}

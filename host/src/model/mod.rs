@@ -1,0 +1,193 @@
+//! Models of an axis: what is known, what is to be estimated, and what was found.
+
+mod file;
+mod parameter;
+
+use std::collections::BTreeMap;
+
+pub use parameter::Parameter;
+
+use crate::effects::{Effect, Quantity};
+
+/// Canonical column name to the name in the recording.
+pub type Columns = BTreeMap<String, String>;
+
+/// How the axis moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Motion {
+    /// rad and N·m.
+    Rotary,
+    /// m and N.
+    Linear,
+}
+
+impl Motion {
+    /// The word in the model file.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Rotary => "rotary",
+            Self::Linear => "linear",
+        }
+    }
+}
+
+/// Which side of the axis is imposed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Causality {
+    /// `u` drives the motion.
+    Forward,
+    /// The motion is imposed and `u` is the measured reaction force.
+    Inverse,
+}
+
+/// Friction laws that a model file can name and that this version fits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Law {
+    /// Coulomb and viscous friction.
+    CoulombViscous,
+    /// Coulomb, viscous and the exponential Stribeck curve.
+    Stribeck,
+    /// The same curve, named for its sticking condition, which every law of this version obeys.
+    Static,
+}
+
+/// An effect that is part of a model, with its parameters in the order of [`Effect::parameters`].
+#[derive(Clone)]
+pub struct Term {
+    /// The effect.
+    pub effect: &'static dyn Effect,
+    /// One parameter for each of the effect's specifications.
+    pub parameters: Vec<Parameter>,
+    /// Part of the friction law, so that its parameters live under `[friction]` in the file.
+    pub in_law: bool,
+}
+
+/// A model of one axis: `J·q̈ = k·u(t − d) − Fc·sgn v − Fv·v − Σ effects`.
+#[derive(Clone)]
+pub struct Model {
+    /// Free text.
+    pub name: String,
+    /// Rotary or linear.
+    pub motion: Motion,
+    /// What `u` is: torque, force, voltage or current.
+    pub input: String,
+    /// Which side is imposed.
+    pub causality: Causality,
+    /// The friction law that the file names.
+    pub law: Law,
+    /// Torque or force per unit of `u`.
+    pub gain: Parameter,
+    /// `J`, kg·m² or kg.
+    pub inertia: Parameter,
+    /// `Fc`, N·m or N.
+    pub coulomb: Parameter,
+    /// `Fv`, N·m·s/rad or N·s/m.
+    pub viscous: Parameter,
+    /// Effects beyond Coulomb and viscous friction.
+    pub terms: Vec<Term>,
+    /// Column mapping of the recordings.
+    pub columns: Columns,
+    document: toml_edit::DocumentMut,
+}
+
+/// What a parameter is called and measured in, for messages, JSON and the report.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Label {
+    /// `None` for the plant and its friction law, else the id of the effect.
+    pub effect: Option<&'static str>,
+    /// Name within the plant, the law or the effect.
+    pub name: &'static str,
+    /// SI unit.
+    pub unit: &'static str,
+}
+
+impl Model {
+    /// All parameters in the order that fits use: inertia, gain, Coulomb, viscous, then the effects'.
+    pub fn parameters(&self) -> Vec<&Parameter> {
+        let plant = [&self.inertia, &self.gain, &self.coulomb, &self.viscous];
+        plant
+            .into_iter()
+            .chain(self.terms.iter().flat_map(|t| &t.parameters))
+            .collect()
+    }
+
+    /// The same, for writing.
+    pub fn parameters_mut(&mut self) -> Vec<&mut Parameter> {
+        let plant = [
+            &mut self.inertia,
+            &mut self.gain,
+            &mut self.coulomb,
+            &mut self.viscous,
+        ];
+        plant
+            .into_iter()
+            .chain(self.terms.iter_mut().flat_map(|t| &mut t.parameters))
+            .collect()
+    }
+
+    /// A label for each of [`Model::parameters`].
+    pub fn labels(&self) -> Vec<Label> {
+        let plant = [
+            ("inertia", Quantity::Inertia),
+            ("gain", Quantity::Gain),
+            ("coulomb", Quantity::Torque),
+            ("viscous", Quantity::Viscous),
+        ];
+        let plant = plant.into_iter().map(|(name, quantity)| Label {
+            effect: None,
+            name,
+            unit: self.unit(quantity),
+        });
+        let effects = self.terms.iter().flat_map(|term| {
+            term.effect.parameters().iter().map(|spec| Label {
+                effect: (!term.in_law).then(|| term.effect.id()),
+                name: spec.name,
+                unit: self.unit(spec.quantity),
+            })
+        });
+        plant.chain(effects).collect()
+    }
+
+    /// The unit of a quantity on this axis.
+    pub fn unit(&self, quantity: Quantity) -> &'static str {
+        if quantity == Quantity::Gain {
+            return match (self.motion, self.input.as_str()) {
+                (Motion::Rotary, "voltage") => "N*m/V",
+                (Motion::Rotary, "current") => "N*m/A",
+                (Motion::Linear, "voltage") => "N/V",
+                (Motion::Linear, "current") => "N/A",
+                _ => "1",
+            };
+        }
+        quantity.unit(self.motion)
+    }
+
+    /// The model with one more effect, all of its parameters to be estimated.
+    #[must_use]
+    pub fn with_effect(&self, effect: &'static dyn Effect) -> Self {
+        let mut model = self.clone();
+        model.terms.push(Term {
+            effect,
+            parameters: vec![Parameter::unknown(); effect.parameters().len()],
+            in_law: false,
+        });
+        model
+    }
+
+    /// Whether an effect is part of the model already.
+    pub fn has(&self, id: &str) -> bool {
+        self.terms.iter().any(|t| t.effect.id() == id)
+    }
+
+    /// The first parameter without a value, as the user would look for it in the file.
+    pub fn first_unknown(&self) -> Option<String> {
+        let labels = self.labels();
+        let at = self.parameters().iter().position(|p| p.value.is_none())?;
+        let label = &labels[at];
+        Some(match (label.effect, label.name) {
+            (Some(id), name) => format!("effects.{id}.{name}"),
+            (None, name @ ("inertia" | "gain")) => format!("plant.{name}"),
+            (None, name) => format!("friction.{name}"),
+        })
+    }
+}

@@ -1,0 +1,193 @@
+//! The noise of weak-form rows: coloured by the overlap of windows, larger around reversals.
+
+use crate::problem::Problem;
+use crate::weak::Part;
+
+/// Correlation reaches over this many hops: the overlap of two windows (8 hops) and coloured torque noise beyond.
+const REACH: usize = 24;
+/// Residuals beyond this many standard deviations are pulled in before covariances are estimated.
+const WINSOR: f64 = 4.0;
+
+/// Turns rows with coloured noise into rows with independent noise of unit variance.
+#[derive(Clone, Debug)]
+pub struct Noise {
+    /// Standard deviation of each row.
+    pub sigma: Vec<f64>,
+    /// Weight of each row after whitening: below one for outliers.
+    weight: Vec<f64>,
+    blocks: Vec<Block>,
+}
+
+/// Consecutive rows with their banded Cholesky factor, row by row: `factor[i][d]` is entry `(i, i − d)`.
+#[derive(Clone, Debug)]
+struct Block {
+    start: usize,
+    factor: Vec<Vec<f64>>,
+}
+
+impl Noise {
+    /// Estimates the noise from the training residuals of a fit with `unknowns` parameters that follows all there
+    /// is to follow.
+    ///
+    /// The standard deviation of row `k` is modelled as `σ² = σ₀² + κ·ρₖ²`, where `ρₖ²` sums the squared weights of
+    /// reversals under its window: an error in the instant of a reversal is an impulse of `2·Fc·δt` there.
+    pub fn estimate(problem: &Problem, residual: &[f64], unknowns: usize) -> Self {
+        let reversals = reversal_weights(problem);
+        let sigma = standard_deviations(problem, residual, &reversals, unknowns);
+        let limit = |z: f64| z.clamp(-WINSOR, WINSOR);
+        let z: Vec<f64> = residual
+            .iter()
+            .zip(&sigma)
+            .map(|(r, s)| limit(r / s))
+            .collect();
+        let correlation = correlation(problem, &z);
+        let blocks = blocks(problem, &correlation);
+        let mut noise = Self {
+            weight: vec![1.0; sigma.len()],
+            sigma,
+            blocks,
+        };
+        noise.weight = noise
+            .whiten(residual)
+            .iter()
+            .map(|z| (WINSOR / z.abs()).min(1.0))
+            .collect();
+        noise
+    }
+
+    /// Whitened values, one for each row.
+    pub fn whiten(&self, rows: &[f64]) -> Vec<f64> {
+        let mut out = vec![0.0; rows.len()];
+        for block in &self.blocks {
+            for (i, factor) in block.factor.iter().enumerate() {
+                let at = block.start + i;
+                let mut sum = rows[at] / self.sigma[at];
+                for (d, f) in factor.iter().enumerate().skip(1) {
+                    sum -= f * out[at - d];
+                }
+                out[at] = sum / factor[0];
+            }
+        }
+        out.iter_mut().zip(&self.weight).for_each(|(x, w)| *x *= w);
+        out
+    }
+}
+
+/// For each row the sum of squared test-function weights at the reversals under its window.
+fn reversal_weights(problem: &Problem) -> Vec<f64> {
+    problem.stack(|track, windows| {
+        let crossings: Vec<f64> = track
+            .cells
+            .iter()
+            .map(|c| if c.s.abs() < 1.0 { 1.0 } else { 0.0 })
+            .collect();
+        windows.hold(&crossings).iter().map(|w| w * w).collect()
+    })
+}
+
+fn standard_deviations(
+    problem: &Problem,
+    residual: &[f64],
+    reversals: &[f64],
+    unknowns: usize,
+) -> Vec<f64> {
+    let seen: Vec<usize> = (0..residual.len())
+        .filter(|&k| problem.rows[k].part == Part::Train)
+        .collect();
+    let mut sizes: Vec<f64> = seen.iter().map(|&k| residual[k].abs()).collect();
+    sizes.sort_by(f64::total_cmp);
+    let scale = (sizes[sizes.len() / 2] / 0.6745).max(1e-300);
+    let train = seen.len() as f64;
+    let freedom = train / (train - unknowns as f64).max(0.2 * train);
+    let square = |k: usize| freedom * residual[k].abs().min(WINSOR * scale).powi(2);
+    let mean_over = |rows: &[usize], f: &dyn Fn(usize) -> f64| {
+        rows.iter().map(|&k| f(k)).sum::<f64>() / rows.len() as f64
+    };
+    let typical = mean_over(&seen, &|k| reversals[k]);
+    // Rows whose windows hold no more than a tenth of the typical reversal weight set the floor.
+    let (far, near): (Vec<usize>, Vec<usize>) =
+        seen.iter().partition(|&&k| reversals[k] <= 0.1 * typical);
+    if far.len().min(near.len()) < 30 {
+        return vec![mean_over(&seen, &square).sqrt().max(1e-300); residual.len()];
+    }
+    let floor = mean_over(&far, &square);
+    let kappa =
+        ((mean_over(&near, &square) - floor) / mean_over(&near, &|k| reversals[k])).max(0.0);
+    reversals
+        .iter()
+        .map(|r| (floor + kappa * r).sqrt().max(1e-300))
+        .collect()
+}
+
+/// Autocorrelation over hops, tapered (Bartlett) so that it is positive definite.
+fn correlation(problem: &Problem, z: &[f64]) -> Vec<f64> {
+    let mut sums = vec![0.0; REACH + 1];
+    for (i, row) in problem
+        .rows
+        .iter()
+        .enumerate()
+        .filter(|(_, row)| row.part == Part::Train)
+    {
+        let hop = problem.windows[row.track].hop;
+        for j in i..problem.rows.len() {
+            let other = problem.rows[j];
+            let lag = (other.centre.wrapping_sub(row.centre)) / hop;
+            if other.track != row.track || other.part != row.part || lag > REACH {
+                break;
+            }
+            sums[lag] += z[i] * z[j];
+        }
+    }
+    // The biased estimate (one divisor for all lags) is positive definite by itself; the taper keeps it so.
+    let power = sums[0].max(1e-300);
+    sums.iter()
+        .enumerate()
+        .map(|(lag, s)| s / power * (1.0 - lag as f64 / (REACH + 1) as f64))
+        .collect()
+}
+
+fn blocks(problem: &Problem, correlation: &[f64]) -> Vec<Block> {
+    let mut blocks: Vec<Block> = Vec::new();
+    for (i, row) in problem.rows.iter().enumerate() {
+        let fresh = i == 0 || {
+            let before = problem.rows[i - 1];
+            before.track != row.track || before.part != row.part
+        };
+        if fresh {
+            blocks.push(Block {
+                start: i,
+                factor: Vec::new(),
+            });
+        }
+        let block = blocks.last_mut().expect("the first row opens a block");
+        let hop = problem.windows[row.track].hop;
+        let local = i - block.start;
+        let depth = (1..=local)
+            .take_while(|d| (row.centre - problem.rows[i - d].centre) / hop <= REACH)
+            .count();
+        let mut line = vec![0.0; depth + 1];
+        for d in (0..=depth).rev() {
+            let lag = (row.centre - problem.rows[i - d].centre) / hop;
+            let mut sum = correlation[lag];
+            // Entry (i, i − d) of L·Lᵀ: columns shared by both lines.
+            let other = if d == 0 {
+                None
+            } else {
+                Some(&block.factor[local - d])
+            };
+            for e in d + 1..=depth {
+                let right = match other {
+                    None => line[e],
+                    Some(f) => f.get(e - d).copied().unwrap_or(0.0),
+                };
+                sum -= line[e] * right;
+            }
+            line[d] = match other {
+                None => sum.max(1e-4).sqrt(),
+                Some(f) => sum / f[0],
+            };
+        }
+        block.factor.push(line);
+    }
+    blocks
+}

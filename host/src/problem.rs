@@ -1,0 +1,191 @@
+//! The weak form of one axis over all its recordings: rows, and the columns of every term.
+
+use std::cell::RefCell;
+use std::collections::HashMap;
+use std::rc::Rc;
+
+use crate::effects::{Effect, Survey};
+use crate::model::{Causality, Model, Motion};
+use crate::recording::Recording;
+use crate::weak::{Part, Track, Windows};
+
+/// One row: a window of one track.
+#[derive(Clone, Copy, Debug)]
+pub struct Row {
+    /// Index of the track.
+    pub track: usize,
+    /// Node at the window's centre.
+    pub centre: usize,
+    /// Train or held out.
+    pub part: Part,
+}
+
+/// A column of functionals, one for each row.
+pub type Column = Rc<Vec<f64>>;
+
+/// Key of a cached column set: effect id and the bits of its inner parameter.
+type Key = (&'static str, u64);
+
+/// Tracks, windows and rows, with the columns computed so far.
+pub struct Problem {
+    /// One track for each recording.
+    pub tracks: Vec<Track>,
+    /// The windows of each track.
+    pub windows: Vec<Windows>,
+    /// All rows, track by track in time order.
+    pub rows: Vec<Row>,
+    /// Rotary or linear.
+    pub motion: Motion,
+    /// Which side is imposed.
+    pub causality: Causality,
+    /// `∫q φ̈` of every row.
+    pub acceleration: Column,
+    cache: RefCell<HashMap<Key, Vec<Column>>>,
+}
+
+impl Problem {
+    /// Lays windows of `reach[track]` samples over prepared tracks.
+    pub fn new(tracks: Vec<Track>, reach: &[usize], model: &Model) -> Self {
+        let windows: Vec<Windows> = tracks
+            .iter()
+            .zip(reach)
+            .map(|(t, &r)| Windows::new(t, r))
+            .collect();
+        let rows = windows
+            .iter()
+            .enumerate()
+            .flat_map(|(track, w)| {
+                w.centres
+                    .iter()
+                    .zip(&w.parts)
+                    .map(move |(&centre, &part)| Row {
+                        track,
+                        centre,
+                        part,
+                    })
+            })
+            .collect();
+        let mut problem = Self {
+            tracks,
+            windows,
+            rows,
+            motion: model.motion,
+            causality: model.causality,
+            acceleration: Rc::default(),
+            cache: RefCell::default(),
+        };
+        problem.acceleration = Rc::new(problem.stack(|t, w| w.acceleration(&t.q)));
+        problem
+    }
+
+    /// Prepares the tracks of all recordings.
+    pub fn tracks(recordings: &[Recording], model: &Model) -> Vec<Track> {
+        recordings
+            .iter()
+            .map(|r| Track::new(r, model.motion))
+            .collect()
+    }
+
+    /// One functional of every track, stacked in the order of the rows.
+    pub fn stack(&self, functional: impl Fn(&Track, &Windows) -> Vec<f64>) -> Vec<f64> {
+        self.tracks
+            .iter()
+            .zip(&self.windows)
+            .flat_map(|(t, w)| functional(t, w))
+            .collect()
+    }
+
+    /// Functional of a signal given in every cell of a track.
+    pub fn cells(&self, signal: impl Fn(&Track, usize) -> f64) -> Vec<f64> {
+        self.stack(|t, w| w.hold(&(0..t.cells.len()).map(|k| signal(t, k)).collect::<Vec<_>>()))
+    }
+
+    /// `∫u(t − delay) φ`.
+    pub fn input(&self, delay: f64) -> Column {
+        self.cached(("input", delay.to_bits()), || {
+            vec![self.stack(|t, w| w.hold(&t.input(delay)))]
+        })
+        .remove(0)
+    }
+
+    /// `∫sgn(v) φ`.
+    pub fn coulomb(&self) -> Column {
+        self.cached(("coulomb", 0), || vec![self.cells(|t, k| t.cells[k].s)])
+            .remove(0)
+    }
+
+    /// `−∫q φ̇`.
+    pub fn velocity(&self) -> Column {
+        self.cached(("velocity", 0), || {
+            vec![self.stack(|t, w| w.velocity(&t.q))]
+        })
+        .remove(0)
+    }
+
+    /// The columns of an effect for a value of its inner parameter.
+    pub fn effect(&self, effect: &'static dyn Effect, inner: f64) -> Vec<Column> {
+        if effect.width() == 0 {
+            return Vec::new();
+        }
+        self.cached((effect.id(), inner.to_bits()), || {
+            let mut columns = vec![Vec::with_capacity(self.rows.len()); effect.width()];
+            let mut basis = vec![0.0; effect.width()];
+            for (track, windows) in self.tracks.iter().zip(&self.windows) {
+                let mut signals = vec![Vec::with_capacity(track.cells.len()); effect.width()];
+                for &cell in &track.cells {
+                    effect.basis(inner, cell, &mut basis);
+                    signals.iter_mut().zip(&basis).for_each(|(s, b)| s.push(*b));
+                }
+                for (column, signal) in columns.iter_mut().zip(&signals) {
+                    column.extend(windows.hold(signal));
+                }
+            }
+            columns
+        })
+    }
+
+    /// What all recordings together cover.
+    pub fn survey(&self) -> Survey {
+        let surveys = self
+            .tracks
+            .iter()
+            .zip(&self.windows)
+            .map(|(t, w)| t.survey(self.motion, w.reach as f64 * t.period));
+        surveys
+            .reduce(|a, b| Survey {
+                motion: a.motion,
+                period: a.period.min(b.period),
+                half_width: a.half_width.max(b.half_width),
+                top_speed: a.top_speed.max(b.top_speed),
+                slow: a.slow.min(b.slow),
+                travel: (a.travel.0.min(b.travel.0), a.travel.1.max(b.travel.1)),
+            })
+            .expect("at least one recording")
+    }
+
+    /// Time at the centre of a row, s.
+    pub fn time(&self, row: Row) -> f64 {
+        let track = &self.tracks[row.track];
+        track.start + row.centre as f64 * track.period
+    }
+
+    /// Number of rows in a part.
+    pub fn count(&self, part: Part) -> usize {
+        self.rows.iter().filter(|r| r.part == part).count()
+    }
+
+    /// Bounded: a scan or a refinement that fills the cache starts it anew.
+    fn cached(&self, key: Key, compute: impl FnOnce() -> Vec<Vec<f64>>) -> Vec<Column> {
+        const MOST: usize = 2000;
+        if let Some(columns) = self.cache.borrow().get(&key) {
+            return columns.clone();
+        }
+        let columns: Vec<Column> = compute().into_iter().map(Rc::new).collect();
+        let mut cache = self.cache.borrow_mut();
+        if cache.len() >= MOST {
+            cache.clear();
+        }
+        cache.insert(key, columns.clone());
+        columns
+    }
+}

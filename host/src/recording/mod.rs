@@ -1,0 +1,105 @@
+//! Recordings: what was applied to an axis and how it moved.
+
+mod csv;
+mod units;
+
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+use crate::model::{Columns, Motion};
+
+/// One run of one axis, in SI units.
+///
+/// `u[k]` acts from `t[k]` until `t[k + 1]` (zero-order hold). At least one of `q` and `v` is present.
+#[derive(Clone, Debug)]
+pub struct Recording {
+    /// Where it was read from; the report and the messages name it.
+    pub path: PathBuf,
+    /// Time, s, strictly increasing.
+    pub t: Vec<f64>,
+    /// Drive: N·m, N, V or A, as the model file says.
+    pub u: Vec<f64>,
+    /// Measured position, rad or m.
+    pub q: Option<Vec<f64>>,
+    /// Measured velocity, rad/s or m/s.
+    pub v: Option<Vec<f64>>,
+}
+
+/// Fewer samples than this cannot carry a diagnosis.
+const FEWEST_SAMPLES: usize = 200;
+
+impl Recording {
+    /// Reads a recording, renaming columns by `columns` and converting units for an axis that moves by `motion`.
+    pub fn read(path: &Path, columns: &Columns, motion: Motion) -> Result<Self> {
+        let extension = path
+            .extension()
+            .and_then(|e| e.to_str())
+            .unwrap_or_default();
+        if ["parquet", "mat"].contains(&extension.to_ascii_lowercase().as_str()) {
+            return Err(Error::Recording {
+                path: path.to_owned(),
+                what: format!(
+                    "this version reads CSV only, not .{extension}; export the table as CSV with a first line like t[s],u[N*m],q[rad]"
+                ),
+            });
+        }
+        let recording = csv::read(path, columns, motion)?;
+        recording.check()?;
+        Ok(recording)
+    }
+
+    /// The measured quantity that the fit is judged on: position, or velocity where only that was measured.
+    pub fn measured(&self) -> &[f64] {
+        self.q.as_deref().or(self.v.as_deref()).unwrap_or_default()
+    }
+
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.t.len()
+    }
+
+    /// Whether there is no sample at all.
+    pub fn is_empty(&self) -> bool {
+        self.t.is_empty()
+    }
+
+    /// File name without folders, for messages and titles.
+    pub fn file_name(&self) -> String {
+        self.path.file_name().map_or_else(
+            || self.path.display().to_string(),
+            |n| n.to_string_lossy().into_owned(),
+        )
+    }
+
+    fn check(&self) -> Result<()> {
+        let fail = |what: String| {
+            Err(Error::Recording {
+                path: self.path.clone(),
+                what,
+            })
+        };
+        if self.len() < FEWEST_SAMPLES {
+            return fail(format!(
+                "line {}, column t: the recording ends after {} samples; at least {FEWEST_SAMPLES} are needed, so record for longer or at a higher rate",
+                self.len() + 1,
+                self.len()
+            ));
+        }
+        let constant = |x: &[f64]| x.iter().all(|&value| value == x[0]);
+        if constant(&self.u) {
+            return fail(format!(
+                "line 2 to {}, column u: u is {} throughout; nothing drives the axis, so nothing can be learnt: check the column mapping, or record with an excitation",
+                self.len() + 1,
+                self.u[0]
+            ));
+        }
+        if constant(self.measured()) {
+            let name = if self.q.is_some() { "q" } else { "v" };
+            return fail(format!(
+                "line 2 to {}, column {name}: {name} never changes: the axis did not move; record with a drive above break-away",
+                self.len() + 1
+            ));
+        }
+        Ok(())
+    }
+}

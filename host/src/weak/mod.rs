@@ -1,0 +1,11 @@
+//! From recordings to weak-form rows: uniform tracks, smoothed velocity, windows and functionals.
+
+mod smooth;
+mod track;
+mod windows;
+
+pub use track::Track;
+pub use windows::{Part, Windows};
+
+/// The share of each recording that the fit sees; the rest is held out.
+pub const TRAIN_SHARE: f64 = 0.7;

@@ -1,0 +1,74 @@
+//! Velocity from positions by local cubic regression (Savitzky and Golay 1964).
+
+use nalgebra::{DMatrix, DVector};
+
+/// Derivative filter over `2·half + 1` samples; exact for cubics, also at the ends of the recording.
+pub(super) struct Differentiator {
+    half: usize,
+    /// Row `j`: weights for the derivative at sample `j` of the window, per sampling interval.
+    weights: DMatrix<f64>,
+}
+
+impl Differentiator {
+    pub(super) fn new(half: usize) -> Self {
+        let n = 2 * half + 1;
+        // Scaled abscissa keeps the normal equations well conditioned.
+        let x = |k: usize| (k as f64 - half as f64) / half as f64;
+        let design = DMatrix::from_fn(n, 4, |row, power| x(row).powi(power as i32));
+        let gram = design
+            .tr_mul(&design)
+            .cholesky()
+            .expect("distinct abscissae make a definite Gram matrix");
+        let fit = gram.solve(&design.transpose());
+        let slopes = DMatrix::from_fn(n, 4, |row, power| match power {
+            0 => 0.0,
+            p => p as f64 * x(row).powi(p as i32 - 1) / half as f64,
+        });
+        Self {
+            half,
+            weights: slopes * fit,
+        }
+    }
+
+    /// Standard deviation of the derivative at the window's centre for unit white noise on the samples.
+    pub(super) fn noise_gain(&self) -> f64 {
+        self.weights.row(self.half).norm()
+    }
+
+    /// Derivative of `x` per sampling interval, at every sample.
+    pub(super) fn apply(&self, x: &[f64]) -> Vec<f64> {
+        let n = self.weights.ncols();
+        let last = x.len() - n;
+        (0..x.len())
+            .map(|i| {
+                let start = i.saturating_sub(self.half).min(last);
+                let window = DVector::from_column_slice(&x[start..start + n]);
+                self.weights.row(i - start).transpose().dot(&window)
+            })
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Differentiator;
+
+    #[test]
+    fn is_exact_for_cubics_everywhere() {
+        let x: Vec<f64> = (0..40)
+            .map(|k| f64::from(k) * 0.1)
+            .map(|t| t * t * t - 2.0 * t)
+            .collect();
+        for (k, d) in Differentiator::new(5).apply(&x).iter().enumerate() {
+            let t = k as f64 * 0.1;
+            assert!((d / 0.1 - (3.0 * t * t - 2.0)).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn wider_windows_let_less_noise_through() {
+        // For a cubic fit the gain falls as half^(-3/2): a factor of two in width gives 2^1.5 in noise.
+        let ratio = Differentiator::new(10).noise_gain() / Differentiator::new(20).noise_gain();
+        assert!((ratio - 2f64.powf(1.5)).abs() < 0.25);
+    }
+}

@@ -1,0 +1,369 @@
+//! A recording on a uniform time grid, with smoothed velocity and the direction of sliding.
+
+use super::smooth::Differentiator;
+use crate::effects::{Point, Survey};
+use crate::model::Motion;
+use crate::recording::Recording;
+
+/// A recording ready for the weak form. Node `k` is the instant `start + k·period`; cell `k` lies between
+/// nodes `k` and `k + 1`.
+#[derive(Clone, Debug)]
+pub struct Track {
+    /// Time of the first node, s.
+    pub start: f64,
+    /// Grid interval, s.
+    pub period: f64,
+    /// Position at the nodes; the integral of velocity where only that was measured.
+    pub q: Vec<f64>,
+    /// Smoothed velocity at the nodes.
+    pub v: Vec<f64>,
+    /// State in the middle of the cells.
+    pub cells: Vec<Point>,
+    /// Cells in which the axis stands still, or that bridge a gap in the recording.
+    pub barred: Vec<bool>,
+    /// Standard deviation of the position noise: quantisation, or what a smooth curve cannot follow.
+    pub position_noise: f64,
+    /// Standard deviation of the smoothed velocity.
+    pub velocity_noise: f64,
+    input: Held,
+}
+
+/// A held signal and its running integral.
+#[derive(Clone, Debug)]
+struct Held {
+    t: Vec<f64>,
+    integral: Vec<f64>,
+    last: f64,
+}
+
+/// Half-widths of the velocity filter that are tried, in samples.
+const FILTERS: [usize; 9] = [3, 4, 6, 8, 11, 15, 21, 30, 42];
+/// Velocity noise that a filter may leave, as a share of the RMS speed. Half a percent keeps the error of a
+/// quadratic regressor at a percent, below the smallest effects that are looked for.
+const VELOCITY_NOISE: f64 = 0.005;
+/// A pause between samples longer than this many intervals is a gap that nothing is interpolated across.
+const GAP: f64 = 5.0;
+/// Timing within this share of an interval counts as uniform.
+const JITTER: f64 = 0.02;
+
+impl Track {
+    /// Resamples and smooths a recording of an axis that moves by `motion`.
+    pub fn new(recording: &Recording, motion: Motion) -> Self {
+        let t = &recording.t;
+        let position = match (&recording.q, &recording.v) {
+            (Some(q), _) => q.clone(),
+            (None, v) => integrate(t, v.as_deref().unwrap_or_default()),
+        };
+        let mut intervals: Vec<f64> = t.windows(2).map(|w| w[1] - w[0]).collect();
+        intervals.sort_by(f64::total_cmp);
+        let median = intervals[intervals.len() / 2];
+        let even = (t[t.len() - 1] - t[0]) / (t.len() - 1) as f64;
+        let uniform = |period: f64| {
+            t.iter()
+                .enumerate()
+                .all(|(k, t_k)| (t_k - t[0] - k as f64 * period).abs() < JITTER * period)
+        };
+        let (period, q) = if uniform(even) {
+            (even, position)
+        } else {
+            (median, resample(t, &position, median))
+        };
+        let input = Held::new(t, &recording.u);
+        let mut track = Self {
+            start: t[0],
+            period,
+            position_noise: position_noise(&q),
+            q,
+            v: Vec::new(),
+            cells: Vec::new(),
+            barred: Vec::new(),
+            velocity_noise: 0.0,
+            input,
+        };
+        let half = track.differentiate();
+        track.fill_cells(motion);
+        track.bar_standstill(2 * half + 1);
+        track.bar_gaps(t);
+        track
+    }
+
+    /// Mean of the input over every cell if it acts `delay` seconds later than recorded.
+    pub fn input(&self, delay: f64) -> Vec<f64> {
+        let node = |k: usize| {
+            self.input
+                .integral_at(self.start + k as f64 * self.period - delay)
+        };
+        let mut left = node(0);
+        (1..self.q.len())
+            .map(|k| {
+                let right = node(k);
+                let mean = (right - left) / self.period;
+                left = right;
+                mean
+            })
+            .collect()
+    }
+
+    /// Time in the middle of cell `k`.
+    pub fn cell_time(&self, k: usize) -> f64 {
+        self.start + (k as f64 + 0.5) * self.period
+    }
+
+    /// What this track covers.
+    pub fn survey(&self, motion: Motion, half_width: f64) -> Survey {
+        let mut speeds: Vec<f64> = self.v.iter().map(|v| v.abs()).collect();
+        speeds.sort_by(f64::total_cmp);
+        let fold = |f: fn(f64, f64) -> f64| self.q.iter().copied().reduce(f).unwrap_or_default();
+        Survey {
+            motion,
+            period: self.period,
+            half_width,
+            top_speed: speeds[(speeds.len() - 1) * 98 / 100],
+            slow: 3.0 * self.velocity_noise,
+            travel: (fold(f64::min), fold(f64::max)),
+        }
+    }
+
+    /// Smooths with the narrowest filter that leaves little enough noise; returns its half-width.
+    fn differentiate(&mut self) -> usize {
+        let fitting = FILTERS
+            .iter()
+            .copied()
+            .filter(|half| 2 * half + 1 <= self.q.len() / 4);
+        let mut chosen = FILTERS[0];
+        for half in fitting {
+            chosen = half;
+            let filter = Differentiator::new(half);
+            self.v = filter
+                .apply(&self.q)
+                .iter()
+                .map(|d| d / self.period)
+                .collect();
+            self.velocity_noise = self.position_noise * filter.noise_gain() / self.period;
+            let power = self.v.iter().map(|v| v * v).sum::<f64>() / self.v.len() as f64;
+            if self.velocity_noise <= VELOCITY_NOISE * power.sqrt() {
+                break;
+            }
+        }
+        chosen
+    }
+
+    fn fill_cells(&mut self, motion: Motion) {
+        self.cells = self
+            .q
+            .windows(2)
+            .zip(self.v.windows(2))
+            .map(|(q, v)| {
+                Point::new(
+                    motion,
+                    0.5 * (q[0] + q[1]),
+                    0.5 * (v[0] + v[1]),
+                    mean_sign(v[0], v[1]),
+                )
+            })
+            .collect();
+    }
+
+    /// Bars stretches in which velocity cannot be told from zero for `shortest` samples: at rest friction is
+    /// whatever balances the other forces, and a law of sliding says nothing about it.
+    fn bar_standstill(&mut self, shortest: usize) {
+        let slow = 3.0 * self.velocity_noise;
+        self.barred = vec![false; self.cells.len()];
+        let mut run = 0;
+        for k in 0..=self.cells.len() {
+            if k < self.cells.len() && self.cells[k].v.abs() <= slow {
+                run += 1;
+                continue;
+            }
+            if run >= shortest {
+                self.barred[k - run..k].fill(true);
+            }
+            run = 0;
+        }
+    }
+
+    fn bar_gaps(&mut self, t: &[f64]) {
+        for pair in t.windows(2).filter(|w| w[1] - w[0] > GAP * self.period) {
+            let last = self.barred.len() - 1;
+            let cell =
+                |time: f64| (((time - self.start) / self.period).max(0.0) as usize).min(last);
+            let bridge = cell(pair[0])..=cell(pair[1]);
+            self.barred[bridge].fill(true);
+        }
+    }
+}
+
+impl Held {
+    fn new(t: &[f64], u: &[f64]) -> Self {
+        let mut integral = vec![0.0; t.len()];
+        for k in 1..t.len() {
+            integral[k] = integral[k - 1] + u[k - 1] * (t[k] - t[k - 1]);
+        }
+        Self {
+            t: t.to_vec(),
+            integral,
+            last: u[u.len() - 1],
+        }
+    }
+
+    /// `∫u` from the first sample to `time`; before it the first value is taken to hold.
+    fn integral_at(&self, time: f64) -> f64 {
+        let n = self.t.len();
+        let k = self.t.partition_point(|&t| t <= time).clamp(1, n);
+        if k == n {
+            return self.integral[n - 1] + self.last * (time - self.t[n - 1]);
+        }
+        let slope = (self.integral[k] - self.integral[k - 1]) / (self.t[k] - self.t[k - 1]);
+        self.integral[k - 1] + slope * (time - self.t[k - 1])
+    }
+}
+
+/// Mean of `sgn v` over a cell in which velocity runs linearly from `left` to `right`.
+fn mean_sign(left: f64, right: f64) -> f64 {
+    let sum = left.abs() + right.abs();
+    if sum == 0.0 {
+        0.0
+    } else if left * right >= 0.0 {
+        (left + right).signum()
+    } else {
+        (left + right) / sum
+    }
+}
+
+fn integrate(t: &[f64], v: &[f64]) -> Vec<f64> {
+    let mut q = vec![0.0; v.len()];
+    for k in 1..v.len() {
+        q[k] = q[k - 1] + 0.5 * (v[k - 1] + v[k]) * (t[k] - t[k - 1]);
+    }
+    q
+}
+
+/// Cubic interpolation on a uniform grid; slopes from the parabola through three neighbours.
+fn resample(t: &[f64], x: &[f64], period: f64) -> Vec<f64> {
+    let slope = |k: usize| {
+        let (a, b) = (k.max(1) - 1, (k + 1).min(t.len() - 1));
+        if a == k || b == k {
+            return (x[b] - x[a]) / (t[b] - t[a]);
+        }
+        let (left, right) = (t[k] - t[a], t[b] - t[k]);
+        ((x[k] - x[a]) / left * right + (x[b] - x[k]) / right * left) / (left + right)
+    };
+    let count = ((t[t.len() - 1] - t[0]) / period + 1e-9) as usize + 1;
+    (0..count)
+        .map(|i| {
+            let time = t[0] + i as f64 * period;
+            let k = t.partition_point(|&t_k| t_k <= time).clamp(1, t.len() - 1) - 1;
+            let h = t[k + 1] - t[k];
+            let r = (time - t[k]) / h;
+            let (r2, r3) = (r * r, r * r * r);
+            (2.0 * r3 - 3.0 * r2 + 1.0) * x[k]
+                + (r3 - 2.0 * r2 + r) * h * slope(k)
+                + (3.0 * r2 - 2.0 * r3) * x[k + 1]
+                + (r3 - r2) * h * slope(k + 1)
+        })
+        .collect()
+}
+
+/// The larger of the quantisation noise and the white noise that differences show.
+///
+/// A quantiser of step Δ adds noise of variance Δ²/12 while the axis moves. Differences of order k of white
+/// noise of variance σ² have variance C(2k, k)·σ²; their median absolute value, 0.6745·√C(2k, k)·σ, ignores
+/// reversals. Motion itself adds to low orders at low sampling rates, so the smallest of three orders counts.
+fn position_noise(q: &[f64]) -> f64 {
+    let largest = q.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
+    let steps = || {
+        q.windows(2)
+            .map(|w| (w[1] - w[0]).abs())
+            .filter(|&d| d > 1e-12 * largest)
+    };
+    let quantum = steps().fold(f64::INFINITY, f64::min);
+    // The smallest step is a quantum only if many steps repeat it.
+    let repeats = steps().filter(|d| (d / quantum - 1.0).abs() < 1e-3).count();
+    let quantisation = if repeats * 100 > q.len() {
+        quantum / 12f64.sqrt()
+    } else {
+        0.0
+    };
+    let mut differences = q.to_vec();
+    let mut white = f64::INFINITY;
+    for order in 1..=7 {
+        differences = differences.windows(2).map(|w| w[1] - w[0]).collect();
+        let central_binomial = match order {
+            3 => 20.0,
+            5 => 252.0,
+            7 => 3432.0_f64,
+            _ => continue,
+        };
+        let mut sizes: Vec<f64> = differences.iter().map(|d| d.abs()).collect();
+        sizes.sort_by(f64::total_cmp);
+        white = white.min(sizes[sizes.len() / 2] / (0.6745 * central_binomial.sqrt()));
+    }
+    white.max(quantisation)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Held, Track, mean_sign, position_noise, resample};
+    use crate::model::Motion;
+    use crate::recording::Recording;
+
+    #[test]
+    fn a_crossing_inside_a_cell_gives_its_mean_sign() {
+        assert_eq!(mean_sign(-1.0, 3.0), 0.5);
+        assert_eq!(mean_sign(-1.0, -3.0), -1.0);
+        assert_eq!(mean_sign(0.0, 0.0), 0.0);
+    }
+
+    #[test]
+    fn delayed_input_is_averaged_exactly() {
+        let held = Held::new(&[0.0, 1.0, 2.0, 3.0], &[1.0, 3.0, 5.0, 7.0]);
+        assert_eq!(held.integral_at(1.5) - held.integral_at(0.5), 2.0);
+        assert_eq!(held.integral_at(-1.0), -1.0);
+        assert_eq!(held.integral_at(4.0), 16.0);
+    }
+
+    #[test]
+    fn resampling_reproduces_parabolas_from_jittered_samples() {
+        let t: Vec<f64> = (0..50)
+            .map(|k| f64::from(k) + 0.2 * f64::from(k * 7 % 5) / 5.0)
+            .collect();
+        let x: Vec<f64> = t.iter().map(|t| 0.1 * t * t).collect();
+        for (k, y) in resample(&t, &x, 1.0).iter().enumerate().skip(2).take(45) {
+            assert!((y - 0.1 * (k as f64).powi(2)).abs() < 1e-9, "{k}: {y}");
+        }
+    }
+
+    #[test]
+    fn quantisation_is_recognised() {
+        let q: Vec<f64> = (0..2000)
+            .map(|k| ((f64::from(k) * 0.01).sin() * 100.0).floor() * 0.01)
+            .collect();
+        assert!((position_noise(&q) / (0.01 / 12f64.sqrt()) - 1.0).abs() < 0.3);
+    }
+
+    #[test]
+    fn standstill_is_barred_and_motion_is_not() {
+        let t: Vec<f64> = (0..3000).map(|k| f64::from(k) * 1e-3).collect();
+        // Moves, rests for a second, moves again; quantised to 0.1 mrad.
+        let q = |t: f64| {
+            let x = if t < 1.0 {
+                t
+            } else if t < 2.0 {
+                1.0
+            } else {
+                t - 1.0
+            };
+            (x * 1e4).floor() * 1e-4
+        };
+        let recording = Recording {
+            path: "rest.csv".into(),
+            u: t.iter().map(|t| t.sin()).collect(),
+            q: Some(t.iter().map(|&t| q(t)).collect()),
+            v: None,
+            t,
+        };
+        let track = Track::new(&recording, Motion::Rotary);
+        assert!(track.barred[1100..1900].iter().all(|&b| b));
+        assert!(!track.barred[100..900].iter().any(|&b| b));
+    }
+}

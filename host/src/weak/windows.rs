@@ -1,0 +1,115 @@
+//! Windows over a track and the functionals on them.
+
+use bristle_core::weak::Kernel;
+
+use super::{TRAIN_SHARE, Track};
+
+/// Which part of the recording a window lies in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// Wholly in the part that the fit sees.
+    Train,
+    /// Wholly in the held-out part.
+    HeldOut,
+}
+
+/// The windows of one track: centres a quarter of the half-width apart, standstill and gaps left out.
+#[derive(Clone, Debug)]
+pub struct Windows {
+    /// Samples on either side of a centre.
+    pub reach: usize,
+    /// Samples between neighbouring centres.
+    pub hop: usize,
+    /// Node at the centre of each window, ascending.
+    pub centres: Vec<usize>,
+    /// Part of each window.
+    pub parts: Vec<Part>,
+    acceleration: Vec<f64>,
+    velocity: Vec<f64>,
+    hold: Vec<f64>,
+}
+
+/// Share of a window's weight that may lie on barred cells: what remains is below the smallest effects.
+const BARRED_SHARE: f64 = 0.005;
+
+impl Windows {
+    /// Lays windows of `reach` samples over a track.
+    pub fn new(track: &Track, reach: usize) -> Self {
+        let kernel = Kernel::new(reach, track.period);
+        let mut windows = Self {
+            reach,
+            hop: (reach / 4).max(1),
+            centres: Vec::new(),
+            parts: Vec::new(),
+            acceleration: vec![0.0; 2 * reach + 1],
+            velocity: vec![0.0; 2 * reach + 1],
+            hold: vec![0.0; 2 * reach],
+        };
+        kernel.acceleration(&mut windows.acceleration);
+        kernel.velocity(&mut windows.velocity);
+        kernel.hold(&mut windows.hold);
+        let nodes = track.q.len();
+        let boundary = (TRAIN_SHARE * nodes as f64) as usize;
+        let mut centre = reach;
+        while centre + reach < nodes {
+            let part = if centre + reach <= boundary {
+                Some(Part::Train)
+            } else if centre - reach >= boundary {
+                Some(Part::HeldOut)
+            } else {
+                None
+            };
+            if let Some(part) = part
+                && windows.barred_share(track, centre) <= BARRED_SHARE
+            {
+                windows.centres.push(centre);
+                windows.parts.push(part);
+            }
+            centre += windows.hop;
+        }
+        windows
+    }
+
+    /// `∫q φ̈` on every window: the mean acceleration.
+    pub fn acceleration(&self, nodes: &[f64]) -> Vec<f64> {
+        self.apply(&self.acceleration, nodes)
+    }
+
+    /// `−∫q φ̇` on every window: the mean velocity.
+    pub fn velocity(&self, nodes: &[f64]) -> Vec<f64> {
+        self.apply(&self.velocity, nodes)
+    }
+
+    /// `∫x φ` on every window for a signal given by its mean in each cell.
+    pub fn hold(&self, cells: &[f64]) -> Vec<f64> {
+        self.apply(&self.hold, cells)
+    }
+
+    /// Variance of `∫q φ̈` for unit white noise on the positions.
+    pub fn acceleration_noise(&self) -> f64 {
+        self.acceleration.iter().map(|w| w * w).sum()
+    }
+
+    fn apply(&self, weights: &[f64], signal: &[f64]) -> Vec<f64> {
+        let dot = |&centre: &usize| {
+            let start = centre - self.reach;
+            weights
+                .iter()
+                .zip(&signal[start..start + weights.len()])
+                .map(|(w, x)| w * x)
+                .sum()
+        };
+        self.centres.iter().map(dot).collect()
+    }
+
+    fn barred_share(&self, track: &Track, centre: usize) -> f64 {
+        let start = centre - self.reach;
+        let cells = &track.barred[start..start + self.hold.len()];
+        cells
+            .iter()
+            .zip(&self.hold)
+            .filter(|(barred, _)| **barred)
+            .map(|(_, w)| w)
+            .sum()
+    }
+}

@@ -1,0 +1,174 @@
+//! One step of the motion: `J·dv/dt = drive + external(q, t) − F·s`, `s` in `Sgn(v)`.
+//!
+//! The friction impulse is a projection: if the free velocity after the step is smaller than the impulse
+//! at zero speed can undo, the axis rests, exactly. Otherwise friction acts against the free velocity,
+//! at the mean speed of the step, which makes sliding second order in the step.
+
+use super::effect::{Effect, Law};
+
+/// What moves: inertia, Coulomb and viscous friction, effects.
+#[derive(Clone, Debug)]
+pub struct Axis {
+    /// kg·m² or kg.
+    pub inertia: f64,
+    /// N·m or N.
+    pub coulomb: f64,
+    /// N·m·s/rad or N·s/m.
+    pub viscous: f64,
+    pub(super) effects: Vec<Effect>,
+}
+
+/// Where it is.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct State {
+    /// rad or m.
+    pub q: f64,
+    /// rad/s or m/s.
+    pub v: f64,
+    /// Bristle deflection, where the axis has one.
+    pub z: f64,
+    /// Bristle torque over the last step.
+    pub bristle: f64,
+}
+
+impl Axis {
+    /// An axis with Coulomb and viscous friction and nothing else.
+    pub fn plain(inertia: f64, coulomb: f64, viscous: f64) -> Self {
+        Self {
+            inertia,
+            coulomb,
+            viscous,
+            effects: Vec::new(),
+        }
+    }
+
+    /// Advances by `h` from time `t` under the commanded torque `u` and another, unknown to the drive.
+    pub fn step(&self, x: &State, u: f64, process: f64, t: f64, h: f64) -> State {
+        let q = x.q + 0.5 * h * x.v;
+        let mut torque = u;
+        for effect in &self.effects {
+            torque = effect.drive(torque, q);
+        }
+        let load = torque.abs();
+        torque += process;
+        for effect in &self.effects {
+            torque += effect.external(q, t + 0.5 * h);
+        }
+        let free = x.v + h / self.inertia * torque;
+        let at = Place {
+            q,
+            t: t + 0.5 * h,
+            load,
+        };
+        let (v, z, bristle) = match self.bristle() {
+            Some(law) => self.bend(x, &law, free, &at, h),
+            None => (self.project(x.v, free, &at, h), 0.0, 0.0),
+        };
+        State {
+            q: x.q + 0.5 * h * (x.v + v),
+            v,
+            z,
+            bristle,
+        }
+    }
+
+    /// Velocity after the step with rigid, set-valued friction.
+    fn project(&self, before: f64, free: f64, at: &Place, h: f64) -> f64 {
+        let gain = h / self.inertia;
+        let side = if free < 0.0 { -1.0 } else { 1.0 };
+        let free = free.abs();
+        if free <= gain * self.friction(0.0, side, at) {
+            return 0.0;
+        }
+        let before = (before * side).max(0.0);
+        let left = |after: f64| free - gain * self.friction(0.5 * (before + after), side, at);
+        let mut after = before;
+        for _ in 0..5 {
+            let next = left(after).max(0.0);
+            if (next - after).abs() <= 1e-11 * free {
+                return side * next;
+            }
+            after = next;
+        }
+        side * bisect(|w| w - left(w), free)
+    }
+
+    /// Friction level at a speed in a direction, without bristles.
+    fn friction(&self, speed: f64, side: f64, at: &Place) -> f64 {
+        let base = self.coulomb + self.viscous * speed;
+        let more: f64 = self
+            .effects
+            .iter()
+            .map(|e| e.friction(speed, side, at))
+            .sum();
+        (base + more).max(0.0)
+    }
+
+    fn bristle(&self) -> Option<Bristle> {
+        self.effects.iter().find_map(|e| match e.law {
+            Law::Presliding {
+                rise,
+                stribeck,
+                damping,
+            } => {
+                let stiffness = self.coulomb / e.x;
+                Some(Bristle {
+                    stiffness,
+                    damping: damping * (stiffness * self.inertia).sqrt(),
+                    rise,
+                    stribeck,
+                })
+            }
+            _ => None,
+        })
+    }
+
+    /// Velocity, deflection and bristle torque after the step where bristles carry the Coulomb part.
+    fn bend(&self, x: &State, law: &Bristle, free: f64, at: &Place, h: f64) -> (f64, f64, f64) {
+        let mut v = x.v;
+        let (mut z, mut torque) = (x.z, x.bristle);
+        for _ in 0..4 {
+            let mid = 0.5 * (x.v + v);
+            let level = self.coulomb * (1.0 + law.rise * (-(mid / law.stribeck).powi(2)).exp());
+            let side = if mid < 0.0 { -1.0 } else { 1.0 };
+            // Exact for a constant velocity: dz/dt = mid − |mid|·stiffness/level·z.
+            let end = side * level / law.stiffness;
+            z = end + (x.z - end) * (-mid.abs() * h * law.stiffness / level).exp();
+            torque = law.stiffness * 0.5 * (x.z + z) + law.damping * (z - x.z) / h;
+            let slide = self.friction(mid.abs(), side, at) - self.coulomb;
+            v = free - h / self.inertia * (torque + side * slide);
+        }
+        (v, z, torque)
+    }
+}
+
+/// Where and when friction is asked for, and under which load.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Place {
+    pub q: f64,
+    pub t: f64,
+    pub load: f64,
+}
+
+/// Canudas de Wit et al., "A new model for control of systems with friction", 1995, eqs. 1 to 3;
+/// without rise and damping it is Dahl's.
+struct Bristle {
+    stiffness: f64,
+    damping: f64,
+    rise: f64,
+    stribeck: f64,
+}
+
+/// Root of a function that is negative at 0 and positive at `high`.
+fn bisect(f: impl Fn(f64) -> f64, high: f64) -> f64 {
+    let (mut a, mut b) = (0.0, high);
+    for _ in 0..50 {
+        let mid = 0.5 * (a + b);
+        if f(mid) < 0.0 {
+            a = mid;
+        } else {
+            b = mid;
+        }
+    }
+    0.5 * (a + b)
+}

@@ -1,0 +1,46 @@
+//! The files the tool is given.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
+
+use super::Recording;
+use super::recipe::{Motion, Recipe};
+
+/// Writes `t,u,q` as CSV with units. Numbers are the shortest that read back exactly.
+pub fn write_csv(recording: &Recording, path: impl AsRef<Path>) -> io::Result<()> {
+    let mut file = BufWriter::new(File::create(path)?);
+    match recording.motion {
+        Motion::Rotary => writeln!(file, "t[s],u[N*m],q[rad]")?,
+        Motion::Linear => writeln!(file, "t[s],u[N],q[m]")?,
+    }
+    let rows = recording.t.iter().zip(&recording.u).zip(&recording.q);
+    for ((t, u), q) in rows {
+        writeln!(file, "{t},{u},{q}")?;
+    }
+    file.flush()
+}
+
+/// The model file that knows nothing: Coulomb and viscous friction and inertia, all to be estimated.
+pub fn baseline_toml(recipe: &Recipe) -> String {
+    let (motion, input) = match recipe.motion {
+        Motion::Rotary => ("rotary", "torque"),
+        Motion::Linear => ("linear", "force"),
+    };
+    format!(
+        r#"name = "simulated axis {seed}"
+
+[plant]
+motion  = "{motion}"
+input   = "{input}"
+gain    = 1.0
+inertia = "?"
+
+[friction]
+model   = "coulomb-viscous"
+coulomb = "?"
+viscous = "?"
+"#,
+        seed = recipe.seed
+    )
+}

@@ -1,0 +1,199 @@
+//! Validation on freshly seeded plants: false alarms on clean axes and the confusion matrix of the effects.
+//!
+//! `cargo run --release --example validate -- --seed 1 --clean 200 --each 12` prints the rates. The plants of
+//! `tests/plants` share no code with the diagnosis: other formulation, other integrator, finer step.
+
+mod plants;
+
+use std::collections::BTreeMap;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use bristle::diagnose::{Verdict, diagnose};
+use bristle::identify::identify;
+use bristle::model::Model;
+use bristle::recording::Recording;
+use plants::{FIRST_SET, Noise, OTHERS, Recipe, baseline_toml, simulate};
+
+/// One plant and what became of it.
+struct Trial {
+    truth: Vec<&'static str>,
+    size: f64,
+    noise: Noise,
+    verdict: String,
+    names: Vec<&'static str>,
+    line: String,
+}
+
+fn main() {
+    let options: BTreeMap<String, String> = std::env::args()
+        .skip(1)
+        .collect::<Vec<_>>()
+        .chunks(2)
+        .map(|pair| {
+            (
+                pair[0].trim_start_matches("--").to_owned(),
+                pair.get(1).cloned().unwrap_or_default(),
+            )
+        })
+        .collect();
+    let number = |name: &str, otherwise: u64| {
+        options
+            .get(name)
+            .and_then(|v| v.parse().ok())
+            .unwrap_or(otherwise)
+    };
+    let recipes = recipes(
+        number("seed", 1),
+        number("clean", 200),
+        number("each", 12),
+        number("others", 6),
+        options.get("only"),
+    );
+    println!("{} plants", recipes.len());
+    let trials = run(&recipes);
+    if options.contains_key("verbose") {
+        trials.iter().for_each(|t| println!("{}", t.line));
+    }
+    clean_table(&trials);
+    confusion_table(&trials);
+}
+
+fn recipes(seed: u64, clean: u64, each: u64, others: u64, only: Option<&String>) -> Vec<Recipe> {
+    let noises = [Noise::Low, Noise::Medium, Noise::High];
+    let base = seed * 1_000_000;
+    let mut recipes: Vec<Recipe> = (0..clean)
+        .map(|k| Recipe::random(base + k, None, 0.0, noises[k as usize % 3]))
+        .collect();
+    let first = FIRST_SET.iter().map(|e| (*e, each));
+    for (e, (effect, count)) in first.chain(OTHERS.iter().map(|e| (*e, others))).enumerate() {
+        for k in 0..count {
+            let size = [0.03, 0.10, 0.30][k as usize % 3];
+            let noise = noises[(k / 3) as usize % 3];
+            recipes.push(Recipe::random(
+                base + 10_000 * (e as u64 + 1) + k,
+                Some(effect),
+                size,
+                noise,
+            ));
+        }
+    }
+    recipes.retain(|r| only.is_none_or(|o| r.effects.first().copied().unwrap_or("clean") == o));
+    recipes
+}
+
+fn run(recipes: &[Recipe]) -> Vec<Trial> {
+    let next = AtomicUsize::new(0);
+    let trials = Mutex::new(Vec::new());
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|| {
+                while let Some(recipe) = recipes.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    let trial = attempt(recipe);
+                    if let Ok(mut trials) = trials.lock() {
+                        trials.push(trial);
+                    }
+                }
+            });
+        }
+    });
+    trials.into_inner().unwrap_or_default()
+}
+
+fn attempt(recipe: &Recipe) -> Trial {
+    let made = simulate(recipe);
+    let model = Model::parse(&baseline_toml(recipe)).expect("the baseline is a valid model");
+    let recording = [Recording {
+        path: "plant.csv".into(),
+        t: made.t,
+        u: made.u,
+        q: Some(made.q),
+        v: None,
+    }];
+    let (verdict, names, more) = match identify(&recording, &model).and_then(|(bench, baseline)| {
+        diagnose(&bench, &baseline, &recording, &|_| {}).map(|o| (bench, o))
+    }) {
+        Ok((bench, outcome)) => {
+            let d = &outcome.diagnosis;
+            let more = format!(
+                "T {:.3} nrmse {:.3}->{:.3} J err {:+.3} left {:?} {:?}",
+                d.half_width[0],
+                d.fit.before.held_out.nrmse,
+                d.fit.after.held_out.nrmse,
+                outcome.after.inertia.value.unwrap_or(0.0) / made.truth.inertia - 1.0,
+                d.unexplained
+                    .as_ref()
+                    .map(|u| (u.gain, u.coordinates.first().copied())),
+                bench.problem.rows.len(),
+            );
+            (d.verdict, d.findings.iter().map(|f| f.id).collect(), more)
+        }
+        Err(error) => (Verdict::Unknown, vec!["error"], error.to_string()),
+    };
+    let verdict = format!("{verdict:?}").to_lowercase();
+    let line = format!(
+        "{:?} size {} noise {:?} {:?} {:?} rate {} counts {} {} met {}: {verdict} {names:?} | {more}",
+        recipe.effects,
+        recipe.size,
+        recipe.noise,
+        recipe.control,
+        recipe.motion,
+        recipe.rate,
+        recipe.counts,
+        made.truth.excitation,
+        made.truth.met,
+    );
+    Trial {
+        truth: recipe.effects.clone(),
+        size: recipe.size,
+        noise: recipe.noise,
+        verdict,
+        names,
+        line,
+    }
+}
+
+fn clean_table(trials: &[Trial]) {
+    println!("\nClean plants called adequate:");
+    for noise in [Noise::Low, Noise::Medium, Noise::High] {
+        let clean: Vec<&Trial> = trials
+            .iter()
+            .filter(|t| t.truth.is_empty() && t.noise == noise)
+            .collect();
+        let right = clean.iter().filter(|t| t.verdict == "adequate").count();
+        println!("  noise {noise:?}: {right} of {}", clean.len());
+    }
+}
+
+fn confusion_table(trials: &[Trial]) {
+    println!(
+        "\n{:<28}{:>6}{:>8}{:>8}{:>8}{:>8}  also named first",
+        "true effect", "size", "plants", "right", "adequ.", "unkn."
+    );
+    for effect in FIRST_SET.iter().chain(&OTHERS) {
+        for size in [0.03, 0.10, 0.30] {
+            let these: Vec<&Trial> = trials
+                .iter()
+                .filter(|t| t.truth == [*effect] && t.size == size)
+                .collect();
+            if these.is_empty() {
+                continue;
+            }
+            let count = |f: &dyn Fn(&Trial) -> bool| these.iter().filter(|t| f(t)).count();
+            let mut wrong: BTreeMap<&str, usize> = BTreeMap::new();
+            for trial in &these {
+                if let Some(first) = trial.names.first().filter(|n| *n != effect) {
+                    *wrong.entry(first).or_default() += 1;
+                }
+            }
+            println!(
+                "{effect:<28}{size:>6.2}{:>8}{:>8}{:>8}{:>8}  {wrong:?}",
+                these.len(),
+                count(&|t| t.names.first() == Some(effect)),
+                count(&|t| t.verdict == "adequate"),
+                count(&|t| t.verdict == "unknown"),
+            );
+        }
+    }
+}
