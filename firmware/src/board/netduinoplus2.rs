@@ -23,6 +23,8 @@ pub struct Serial {
 impl Serial {
     /// Connects the pins and starts the receiver, with its interrupt enabled.
     pub fn new(usart: USART1, gpio: &GPIOA, rcc: &RCC) -> Self {
+        // A peripheral answers only two cycles after its clock is enabled (errata sheet ES0182): the read of the
+        // second enable register covers the port, and the pin setup covers the USART.
         rcc.ahb1enr().modify(|_, w| w.gpioaen().enabled());
         rcc.apb2enr().modify(|_, w| w.usart1en().enabled());
         // The alternate function first: the pins must not switch to one that is not yet chosen.
