@@ -6,7 +6,7 @@
 
 use std::rc::Rc;
 
-use crate::problem::{Column, Problem};
+use crate::problem::{Column, Problem, Response};
 use crate::weak::Track;
 
 /// The functions of one coordinate.
@@ -57,8 +57,15 @@ impl Dictionary {
     }
 
     /// The functionals of the dictionary on the windows of a problem.
+    ///
+    /// Functions of the input are left out where the input is the response. Its rate of change is in no group: in
+    /// closed loop the input answers the disturbance within a window, which is not physics left out.
     pub fn groups(&self, problem: &Problem) -> Vec<Group> {
         (0..self.tracks[0].len())
+            .filter(|&g| {
+                problem.response == Response::Acceleration
+                    || !self.tracks[0][g].0.starts_with("input")
+            })
             .map(|g| {
                 let (coordinate, functions) = &self.tracks[0][g];
                 let column = |f: usize| {
@@ -136,26 +143,12 @@ fn signals(track: &Track, input: &[f64], grids: &Grids, count: usize) -> Signals
             "input, as friction",
             vec![(0..cells.len()).map(|k| sign(k) * input[k].abs()).collect()],
         ),
-        ("input rate", input_rates(track)),
         ("travel since reversal", memories(track, grids.travel)),
         (
             "position and velocity",
             table(&grids.position, &position, &|k| cells[k].v),
         ),
     ]
-}
-
-/// Differences of the input over one and over four intervals: what a delay or a lag leaves behind.
-fn input_rates(track: &Track) -> Vec<Vec<f64>> {
-    [1.0, 4.0, 12.0]
-        .map(|shift| {
-            let (early, late) = (
-                track.input(-shift * track.period),
-                track.input(shift * track.period),
-            );
-            early.iter().zip(&late).map(|(a, b)| a - b).collect()
-        })
-        .to_vec()
 }
 
 /// Direction with a memory of the travel since reversal: `h ← σ + (h − σ)·e^(−|Δq|/x₀)`, σ = sgn Δq.

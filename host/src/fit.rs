@@ -104,7 +104,7 @@ pub fn judge(model: &Model, recordings: &[Recording], tracks: &[Track]) -> Resul
     for (recording, track) in recordings.iter().zip(tracks) {
         let boundary = (TRAIN_SHARE * recording.len() as f64) as usize;
         if model.causality == Causality::Inverse {
-            let force = inverse(&axis, track);
+            let force = inverse(&axis, recording, track);
             for (k, force) in force.iter().enumerate().take(recording.len()) {
                 let part = usize::from(k >= boundary);
                 for sum in [part, 2] {
@@ -174,12 +174,15 @@ fn windows(
     }
 }
 
-/// The input that the model asks for along the measured motion, at every node of the track.
-pub fn inverse(axis: &Axis, track: &Track) -> Vec<f64> {
-    let n = track.q.len();
-    (0..n)
-        .map(|k| {
-            let (a, b) = (k.max(1) - 1, (k + 1).min(n - 1));
+/// The input that the model asks for along the measured motion, at every sample.
+pub fn inverse(axis: &Axis, recording: &Recording, track: &Track) -> Vec<f64> {
+    let last = track.v.len() - 1;
+    recording
+        .t
+        .iter()
+        .map(|t| {
+            let k = (((t - track.start) / track.period).round().max(0.0) as usize).min(last);
+            let (a, b) = (k.max(1) - 1, (k + 1).min(last));
             let acceleration = (track.v[b] - track.v[a]) / ((b - a) as f64 * track.period);
             let s = if track.v[k] == 0.0 {
                 0.0

@@ -6,9 +6,9 @@ use crate::dictionary::Dictionary;
 use crate::error::{Error, Result};
 use crate::fit::{self, Fit};
 use crate::linear;
-use crate::model::Model;
+use crate::model::{Causality, Model};
 use crate::noise::Noise;
-use crate::problem::Problem;
+use crate::problem::{Problem, Response};
 use crate::recording::Recording;
 use crate::system::{self, System};
 use crate::weak::{Part, Track};
@@ -53,10 +53,10 @@ pub fn identify(recordings: &[Recording], model: &Model) -> Result<(Workbench, I
 impl Workbench {
     /// Chooses the width of the windows, lays them out and estimates the noise.
     pub fn new(recordings: &[Recording], model: &Model) -> Result<Self> {
-        let tracks = Problem::tracks(recordings, model);
+        let tracks = Problem::tracks(recordings, model.motion);
         let dictionary = Dictionary::new(&tracks);
         let reach = choose_reach(&tracks, &dictionary, model)?;
-        let problem = Problem::new(tracks, &reach, model);
+        let mut problem = Problem::new(tracks, &reach, model.motion, Response::Acceleration);
         let train = problem.count(Part::Train);
         if train < FEWEST_ROWS {
             return Err(Error::NotIdentifiable(format!(
@@ -65,6 +65,7 @@ impl Workbench {
         }
         let folds = system::folds(&problem);
         let start = with_starts(&problem, model);
+        problem.response = choose_response(&mut problem, &start, &dictionary, &folds)?;
         let system = System::new(&problem, &start)?;
         let (residual, unknowns) = follow_everything(&problem, &system, &dictionary, &folds)?;
         let noise = Noise::estimate(&problem, &residual, unknowns);
@@ -90,14 +91,13 @@ impl Workbench {
                 "the motion does not follow u: the estimated inertia is negative; check the sign of u and of q, and which columns they are".to_owned(),
             ));
         }
-        for parameter in model.parameters_mut() {
-            parameter.value = parameter.value.map(|v| {
-                if parameter.known {
-                    v
-                } else {
-                    parameter.clamp(v)
-                }
-            });
+        for k in 0..model.parameters().len() {
+            if let Some(value) = model.parameters()[k]
+                .value
+                .filter(|_| !model.parameters()[k].known)
+            {
+                model.move_to(k, value);
+            }
         }
         let chi2 = system::refine(&self.problem, &mut model, &self.noise, &self.folds);
         Ok((model, chi2))
@@ -160,6 +160,74 @@ fn with_starts(problem: &Problem, model: &Model) -> Model {
     model
 }
 
+/// The side of the equation whose error to minimise.
+///
+/// A disturbance torque must be independent of the regressors. It is independent of `u` where `u` is imposed, and of
+/// the motion where the motion is. The wrong side attenuates: too large an inertia with acceleration as the response
+/// (of a motion that a stiff loop imposes), too small a one with force. Where both sides agree, acceleration it is,
+/// which keeps encoder noise out of the regressors; where they differ by more than [`DISAGREEMENT`], little of the
+/// torque goes into acceleration, so the motion is next to imposed. A baseline that leaves much out disturbs alike,
+/// hence the second comparison, with the tolerance of a rough model.
+fn choose_response(
+    problem: &mut Problem,
+    model: &Model,
+    dictionary: &Dictionary,
+    folds: &[Option<usize>],
+) -> Result<Response> {
+    const DISAGREEMENT: f64 = 1.1;
+    const ROUGH_DISAGREEMENT: f64 = 2.0;
+    if model.causality == Causality::Inverse {
+        return Ok(Response::Force);
+    }
+    if model.inertia.known {
+        return Ok(Response::Acceleration);
+    }
+    let generic: Vec<Rc<Vec<f64>>> = dictionary
+        .groups(problem)
+        .into_iter()
+        .filter(|g| !g.coordinate.starts_with("input"))
+        .flat_map(|g| g.columns)
+        .collect();
+    let mut inertia = |response: Response, generic: &[Rc<Vec<f64>>]| -> Result<Option<f64>> {
+        problem.response = response;
+        let system = System::new(problem, model)?;
+        let columns: Vec<&[f64]> = system
+            .columns
+            .iter()
+            .map(Vec::as_slice)
+            .chain(generic.iter().map(|c| c.as_slice()))
+            .collect();
+        let score = linear::score(&system.response, &columns, folds, GENERIC_RIDGE, None);
+        // The inertia, or its inverse, is the first unknown of the system.
+        Ok(score.map(|s| {
+            if response == Response::Force {
+                s.beta[0]
+            } else {
+                1.0 / s.beta[0]
+            }
+        }))
+    };
+    for (generic, tolerance) in [
+        (generic.as_slice(), DISAGREEMENT),
+        (&[], ROUGH_DISAGREEMENT),
+    ] {
+        let (by_acceleration, by_force) = (
+            inertia(Response::Acceleration, generic)?,
+            inertia(Response::Force, generic)?,
+        );
+        if let (Some(a), Some(f)) = (by_acceleration, by_force)
+            && f > 0.0
+            && !(a > 0.0 && a < tolerance * f)
+        {
+            return Ok(Response::Force);
+        }
+    }
+    Ok(Response::Acceleration)
+}
+
+/// Relative ridge on generic columns, some of which add up to columns of the model.
+const GENERIC_RIDGE: f64 = 1e-6;
+
 /// Residual, in every row, of a fit of the system and the whole dictionary to the training rows, and how many
 /// unknowns that fit had.
 fn follow_everything(
@@ -179,7 +247,7 @@ fn follow_everything(
         .map(Vec::as_slice)
         .chain(generic.iter().map(|c| c.as_slice()))
         .collect();
-    let score = linear::score(&system.response, &columns, folds, 1e-6)
+    let score = linear::score(&system.response, &columns, folds, GENERIC_RIDGE, None)
         .ok_or_else(|| Error::Internal("the generic dictionary is degenerate".to_owned()))?;
     let mut residual = system.response.clone();
     for (column, beta) in columns.iter().zip(score.beta.iter()) {
@@ -203,7 +271,12 @@ fn choose_reach(tracks: &[Track], dictionary: &Dictionary, model: &Model) -> Res
     let mut reaches = Vec::new();
     for width in HALF_WIDTHS {
         reaches = tracks.iter().map(|t| reach(t, width)).collect();
-        let problem = Problem::new(tracks.to_vec(), &reaches, model);
+        let problem = Problem::new(
+            tracks.to_vec(),
+            &reaches,
+            model.motion,
+            Response::Acceleration,
+        );
         if problem.count(Part::Train) < FEWEST_ROWS
             || encoder_share(&problem, dictionary, model)? <= 1.0 / 3.0
         {
@@ -229,15 +302,11 @@ fn encoder_share(problem: &Problem, dictionary: &Dictionary, model: &Model) -> R
     // The median of χ² with one degree of freedom is 0.455; the median ignores reversals.
     let variance =
         squares[squares.len() / 2] / 0.455 * train / (train - unknowns as f64).max(0.2 * train);
-    let scale = match model.causality {
-        crate::model::Causality::Forward => 1.0,
-        crate::model::Causality::Inverse => model.inertia.value.unwrap_or(0.0),
-    };
     let encoder = problem
         .tracks
         .iter()
         .zip(&problem.windows)
-        .map(|(t, w)| (scale * t.position_noise).powi(2) * w.acceleration_noise());
+        .map(|(t, w)| t.position_noise.powi(2) * w.acceleration_noise());
     Ok(encoder.fold(0.0, f64::max) / variance.max(1e-300))
 }
 

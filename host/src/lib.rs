@@ -18,3 +18,4 @@ pub mod recording;
 pub mod simulate;
 pub mod system;
 pub mod weak;
+// pub mod cli;

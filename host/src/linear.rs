@@ -50,6 +50,9 @@ impl Gram {
 
 /// Fits `response ≈ columns·β` over the rows that have a fold and scores it.
 ///
+/// `errors` names a column that carries noise of a known energy (over all rows): it is taken off the normal equations,
+/// which removes the attenuation that it would cause (Fuller, Measurement Error Models, 1987, sec. 2.2).
+///
 /// `folds[k]` is the fold of row `k`, `None` for rows that no fit may see. Returns `None` when the columns do not
 /// determine β.
 pub fn score(
@@ -57,6 +60,7 @@ pub fn score(
     columns: &[&[f64]],
     folds: &[Option<usize>],
     ridge: f64,
+    errors: Option<(usize, f64)>,
 ) -> Option<Score> {
     let n = columns.len();
     let count = folds.iter().flatten().max()? + 1;
@@ -75,7 +79,12 @@ pub fn score(
             column.iter_mut().zip(&x).for_each(|(g, xi)| *g += xi * xj);
         }
     }
-    for gram in &mut grams {
+    let rows = folds.iter().flatten().count() as f64;
+    for (fold, gram) in grams.iter_mut().enumerate() {
+        if let Some((column, energy)) = errors {
+            let share = folds.iter().flatten().filter(|f| **f == fold).count() as f64 / rows;
+            gram.xx[(column, column)] -= share * energy;
+        }
         gram.xx.fill_lower_triangle_with_upper_triangle();
     }
     let mut total = Gram::zero(n);

@@ -1,6 +1,9 @@
 //! The noise of weak-form rows: coloured by the overlap of windows, larger around reversals.
 
-use crate::problem::Problem;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use crate::problem::{Problem, Response};
 use crate::weak::Part;
 
 /// Correlation reaches over this many hops: the overlap of two windows (8 hops) and coloured torque noise beyond.
@@ -13,6 +16,9 @@ const WINSOR: f64 = 4.0;
 pub struct Noise {
     /// Standard deviation of each row.
     pub sigma: Vec<f64>,
+    /// Energy of the encoder noise in the whitened column `∫q φ̈` over the training rows, where that column is a
+    /// regressor; 0 where it is the response.
+    pub encoder_energy: f64,
     /// Weight of each row after whitening: below one for outliers.
     weight: Vec<f64>,
     blocks: Vec<Block>,
@@ -46,13 +52,44 @@ impl Noise {
             weight: vec![1.0; sigma.len()],
             sigma,
             blocks,
+            encoder_energy: 0.0,
         };
         noise.weight = noise
             .whiten(residual)
             .iter()
             .map(|z| (WINSOR / z.abs()).min(1.0))
             .collect();
+        if problem.response == Response::Force {
+            noise.encoder_energy = noise.measure_encoder_energy(problem);
+        }
         noise
+    }
+
+    /// Sends draws of white noise of the encoder's size through the same windows and the same whitening.
+    fn measure_encoder_energy(&self, problem: &Problem) -> f64 {
+        const DRAWS: usize = 4;
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let mut energy = 0.0;
+        for _ in 0..DRAWS {
+            let rows = problem.stack(|track, windows| {
+                // Uniform on ±√3 has unit variance.
+                let amplitude = 3f64.sqrt() * track.position_noise;
+                let noise: Vec<f64> = track
+                    .q
+                    .iter()
+                    .map(|_| rng.random_range(-amplitude..=amplitude))
+                    .collect();
+                windows.acceleration(&noise)
+            });
+            let z = self.whiten(&rows);
+            energy += z
+                .iter()
+                .zip(&problem.rows)
+                .filter(|(_, r)| r.part == Part::Train)
+                .map(|(z, _)| z * z)
+                .sum::<f64>();
+        }
+        energy / DRAWS as f64
     }
 
     /// Whitened values, one for each row.

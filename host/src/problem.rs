@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use std::rc::Rc;
 
 use crate::effects::{Effect, Survey};
-use crate::model::{Causality, Model, Motion};
+use crate::model::Motion;
 use crate::recording::Recording;
 use crate::weak::{Part, Track, Windows};
 
@@ -18,6 +18,15 @@ pub struct Row {
     pub centre: usize,
     /// Train or held out.
     pub part: Part,
+}
+
+/// The side of the equation of motion whose error a fit minimises.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Response {
+    /// `∫q φ̈`: right where `u` is imposed and the motion answers, disturbances included.
+    Acceleration,
+    /// `k·∫u φ`: right where the motion is imposed, by a stiff position loop or by another machine, and `u` answers.
+    Force,
 }
 
 /// A column of functionals, one for each row.
@@ -36,8 +45,8 @@ pub struct Problem {
     pub rows: Vec<Row>,
     /// Rotary or linear.
     pub motion: Motion,
-    /// Which side is imposed.
-    pub causality: Causality,
+    /// The side whose error is minimised.
+    pub response: Response,
     /// `∫q φ̈` of every row.
     pub acceleration: Column,
     cache: RefCell<HashMap<Key, Vec<Column>>>,
@@ -45,7 +54,7 @@ pub struct Problem {
 
 impl Problem {
     /// Lays windows of `reach[track]` samples over prepared tracks.
-    pub fn new(tracks: Vec<Track>, reach: &[usize], model: &Model) -> Self {
+    pub fn new(tracks: Vec<Track>, reach: &[usize], motion: Motion, response: Response) -> Self {
         let windows: Vec<Windows> = tracks
             .iter()
             .zip(reach)
@@ -69,8 +78,8 @@ impl Problem {
             tracks,
             windows,
             rows,
-            motion: model.motion,
-            causality: model.causality,
+            motion,
+            response,
             acceleration: Rc::default(),
             cache: RefCell::default(),
         };
@@ -79,15 +88,12 @@ impl Problem {
     }
 
     /// Prepares the tracks of all recordings.
-    pub fn tracks(recordings: &[Recording], model: &Model) -> Vec<Track> {
-        recordings
-            .iter()
-            .map(|r| Track::new(r, model.motion))
-            .collect()
+    pub fn tracks(recordings: &[Recording], motion: Motion) -> Vec<Track> {
+        recordings.iter().map(|r| Track::new(r, motion)).collect()
     }
 
     /// One functional of every track, stacked in the order of the rows.
-    pub fn stack(&self, functional: impl Fn(&Track, &Windows) -> Vec<f64>) -> Vec<f64> {
+    pub fn stack(&self, mut functional: impl FnMut(&Track, &Windows) -> Vec<f64>) -> Vec<f64> {
         self.tracks
             .iter()
             .zip(&self.windows)

@@ -48,7 +48,7 @@ pub fn run(
                 .get(acting + 1)
                 .map_or(f64::INFINITY, |next| next + axis.delay);
             let until = switch.min(t[k + 1]);
-            state = hold(axis, recording.u[acting], state, until - now);
+            state = advance(axis, recording.u[acting], state, until - now);
             now = until;
         }
         states.push(state);
@@ -57,7 +57,7 @@ pub fn run(
 }
 
 /// Advances by `h` seconds under a constant drive.
-fn hold(axis: &Axis, u: f64, mut state: State, h: f64) -> State {
+pub fn advance(axis: &Axis, u: f64, mut state: State, h: f64) -> State {
     let mut left = h;
     let substep = h / substeps(axis, state, h) as f64;
     // Each pass slides one substep or ends at a standstill; a step cut at zero velocity adds one pass.

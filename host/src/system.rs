@@ -1,8 +1,10 @@
 //! A model as a system of weak-form equations: the linear problem, the residual, and the joint refinement.
 //!
-//! Forward recordings put acceleration on the response side, `F2[q] = (k·Fu[u] − Σ c·B)/J`, so that the encoder noise
-//! in `∫q φ̈` stays out of the regressors (with `u` as the response it biases the inertia by several per cent).
-//! Inverse recordings measure the force, so there the force is the response: `k·Fu[u] = J·F2[q] + Σ c·B`.
+//! One equation, `J·F2[q] = k·Fu[u] − Σ c·B`, solved for one of two responses ([`Response`]):
+//! - acceleration, `F2[q] = (k·Fu[u] − Σ c·B)/J`: encoder noise stays out of the regressors, and a disturbance torque is
+//!   independent of an imposed `u`;
+//! - force, `k·Fu[u] = J·F2[q] + Σ c·B`: a disturbance torque is independent of an imposed motion. Here encoder noise in
+//!   the regressor `F2[q]` would bias `J`; its known energy is subtracted from the normal equations.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -10,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::linear::{self, Score};
 use crate::model::{Causality, Model, Term};
 use crate::noise::Noise;
-use crate::problem::{Column, Problem};
+use crate::problem::{Column, Problem, Response};
 use crate::weak::Part;
 
 /// What a coefficient of the linear problem stands for.
@@ -34,6 +36,8 @@ pub struct System {
     unknowns: Vec<Unknown>,
     /// What a resisting torque is multiplied by to become a column.
     resisting: f64,
+    /// A column that carries encoder noise, and the energy of that noise over the training rows.
+    errors: Option<(usize, f64)>,
 }
 
 /// Folds of the training rows: blocks of this many seconds are dealt out in turn.
@@ -115,9 +119,11 @@ impl System {
                 }
             }
         }
-        Ok(match problem.causality {
-            Causality::Forward => Self::forward(problem, inertia, gain, &input, &known, resisting),
-            Causality::Inverse => Self::inverse(
+        Ok(match problem.response {
+            Response::Acceleration => {
+                Self::acceleration(problem, inertia, gain, &input, &known, resisting)
+            }
+            Response::Force => Self::force(
                 problem,
                 inertia,
                 gain.unwrap_or(1.0),
@@ -128,7 +134,7 @@ impl System {
         })
     }
 
-    fn forward(
+    fn acceleration(
         problem: &Problem,
         inertia: Option<f64>,
         gain: Option<f64>,
@@ -166,10 +172,11 @@ impl System {
             columns,
             unknowns,
             resisting: -scale,
+            errors: None,
         }
     }
 
-    fn inverse(
+    fn force(
         problem: &Problem,
         inertia: Option<f64>,
         gain: f64,
@@ -197,6 +204,7 @@ impl System {
             columns,
             unknowns,
             resisting: 1.0,
+            errors: None,
         }
     }
 
@@ -206,6 +214,11 @@ impl System {
         Self {
             response: noise.whiten(&self.response),
             columns: self.columns.iter().map(|c| noise.whiten(c)).collect(),
+            errors: self
+                .unknowns
+                .iter()
+                .position(|u| *u == Unknown::Inertia)
+                .map(|k| (k, noise.encoder_energy)),
             ..self.clone()
         }
     }
@@ -226,10 +239,15 @@ impl System {
         system
     }
 
+    /// A column that carries encoder noise, and the energy of that noise.
+    pub fn errors(&self) -> Option<(usize, f64)> {
+        self.errors
+    }
+
     /// Fits the system over the rows that have a fold.
     pub fn score(&self, folds: &[Option<usize>]) -> Option<Score> {
         let columns: Vec<&[f64]> = self.columns.iter().map(Vec::as_slice).collect();
-        linear::score(&self.response, &columns, folds, 0.0)
+        linear::score(&self.response, &columns, folds, 0.0, self.errors)
     }
 
     /// Writes the physical parameters that a linear solution stands for into the model; known ones stay.
@@ -294,8 +312,7 @@ fn check_scale(model: &Model) -> Result<()> {
     Ok(())
 }
 
-/// The weak-form residual of a model whose parameters all have values: an acceleration for forward recordings, a
-/// torque or force for inverse ones.
+/// The weak-form residual of a model whose parameters all have values, on the side of the problem's response.
 pub fn residual(problem: &Problem, model: &Model) -> Vec<f64> {
     let value = |p: &crate::model::Parameter| p.value.unwrap_or(0.0);
     let mut torque = scaled(&problem.input(delay(model)), value(&model.gain));
@@ -308,24 +325,24 @@ pub fn residual(problem: &Problem, model: &Model) -> Vec<f64> {
         }
     }
     let inertia = value(&model.inertia);
-    match problem.causality {
-        Causality::Forward => {
+    match problem.response {
+        Response::Acceleration => {
             let mut residual = problem.acceleration.to_vec();
             add(&mut residual, -1.0 / inertia, &torque);
             residual
         }
-        Causality::Inverse => {
+        Response::Force => {
             add(&mut torque, -inertia, &problem.acceleration);
             torque
         }
     }
 }
 
-/// Factor from the unit of [`residual`] to torque or force.
-pub fn torque_scale(model: &Model) -> f64 {
-    match model.causality {
-        Causality::Forward => model.inertia.value.unwrap_or(1.0),
-        Causality::Inverse => 1.0,
+/// Factor from the unit of [`residual`] to a torque or force that drives the axis beyond the model.
+pub fn torque_scale(problem: &Problem, model: &Model) -> f64 {
+    match problem.response {
+        Response::Acceleration => model.inertia.value.unwrap_or(1.0),
+        Response::Force => -1.0,
     }
 }
 
@@ -346,25 +363,99 @@ pub fn refine(problem: &Problem, model: &mut Model, noise: &Noise, folds: &[Opti
                 .map(|(r, _)| *r),
         )
     };
+    let objective = Objective {
+        evaluate: &evaluate,
+        encoder_energy: noise.encoder_energy,
+    };
     let mut current = evaluate(model);
     for _ in 0..STEPS {
-        let free = free_parameters(model);
-        let jacobian = jacobian(model, &free, &evaluate);
-        let Some(step) = gauss_newton(&jacobian, &current) else {
+        let Some(step) = objective.gauss_newton(model, &current) else {
             break;
         };
-        let Some((next, after)) = line_search(model, &free, &step, &current, &evaluate) else {
+        let before = objective.value(model, &current);
+        let Some((next, after)) = objective.line_search(model, &step, before) else {
             break;
         };
-        let gain = current.norm_squared() - after.norm_squared();
         *model = next;
         current = after;
-        if gain < 1e-6 * current.norm_squared() {
+        let now = objective.value(model, &current);
+        if before - now < 1e-6 * now {
             break;
         }
     }
     standard_errors(model, &current, &evaluate, folds);
-    current.norm_squared()
+    objective.value(model, &current)
+}
+
+/// The sum of squared whitened residuals, less what encoder noise in the acceleration regressor adds to it: `J²·E`.
+struct Objective<'a, F> {
+    evaluate: &'a F,
+    encoder_energy: f64,
+}
+
+impl<F: Fn(&Model) -> DVector<f64>> Objective<'_, F> {
+    fn value(&self, model: &Model, residual: &DVector<f64>) -> f64 {
+        residual.norm_squared() - model.inertia.value.unwrap_or(0.0).powi(2) * self.encoder_energy
+    }
+
+    fn gauss_newton(&self, model: &Model, residual: &DVector<f64>) -> Option<Vec<(usize, f64)>> {
+        let free = free_parameters(model);
+        let jacobian = jacobian(model, &free, self.evaluate);
+        if jacobian.ncols() == 0 {
+            return None;
+        }
+        let (mut normal, scale) = normal_matrix(&jacobian);
+        let mut gradient = jacobian.tr_mul(residual);
+        if free[0] == INERTIA {
+            normal[(0, 0)] -= self.encoder_energy / (scale[0] * scale[0]);
+            gradient[0] -= self.encoder_energy * model.inertia.value.unwrap_or(0.0);
+        }
+        let right = DVector::from_fn(gradient.len(), |i, _| -gradient[i] / scale[i]);
+        let step = normal.cholesky()?.solve(&right);
+        Some(
+            free.into_iter()
+                .enumerate()
+                .map(|(i, k)| (k, step[i] / scale[i]))
+                .collect(),
+        )
+    }
+
+    /// Halves the step until it lowers the objective; bounds are kept by projection.
+    fn line_search(
+        &self,
+        model: &Model,
+        step: &[(usize, f64)],
+        before: f64,
+    ) -> Option<(Model, DVector<f64>)> {
+        let mut length = 1.0;
+        for _ in 0..6 {
+            let mut next = model.clone();
+            for &(k, s) in step {
+                next.move_to(k, next.parameters()[k].value.unwrap_or(0.0) + length * s);
+            }
+            if is_physical(&next) {
+                let after = (self.evaluate)(&next);
+                if self.value(&next, &after) < before {
+                    return Some((next, after));
+                }
+            }
+            length *= 0.5;
+        }
+        None
+    }
+}
+
+/// Position of the inertia among [`Model::parameters`].
+const INERTIA: usize = 0;
+
+/// Positive inertia, and coefficients that physics allows.
+fn is_physical(model: &Model) -> bool {
+    let coulomb = model.coulomb.value.unwrap_or(0.0);
+    model.inertia.value.is_none_or(|j| j > 0.0)
+        && model
+            .terms
+            .iter()
+            .all(|t| t.effect.admissible(&t.effect.linear(&values(t), coulomb).1))
 }
 
 /// Indices of the parameters that a fit may move.
@@ -401,17 +492,6 @@ fn jacobian(
     }
 }
 
-fn gauss_newton(jacobian: &DMatrix<f64>, residual: &DVector<f64>) -> Option<DVector<f64>> {
-    if jacobian.ncols() == 0 {
-        return None;
-    }
-    let (normal, scale) = normal_matrix(jacobian);
-    let gradient = jacobian.tr_mul(residual);
-    let right = DVector::from_fn(gradient.len(), |i, _| -gradient[i] / scale[i]);
-    let step = normal.cholesky()?.solve(&right);
-    Some(DVector::from_fn(step.len(), |i, _| step[i] / scale[i]))
-}
-
 /// `JᵀJ` with unit diagonal, and the column norms that were divided out.
 fn normal_matrix(jacobian: &DMatrix<f64>) -> (DMatrix<f64>, Vec<f64>) {
     let scale: Vec<f64> = jacobian
@@ -426,41 +506,6 @@ fn normal_matrix(jacobian: &DMatrix<f64>) -> (DMatrix<f64>, Vec<f64>) {
         normal[(i, i)] += 1e-12;
     }
     (normal, scale)
-}
-
-/// Halves the step until it lowers the sum of squares; bounds are kept by projection.
-fn line_search(
-    model: &Model,
-    free: &[usize],
-    step: &DVector<f64>,
-    current: &DVector<f64>,
-    evaluate: &impl Fn(&Model) -> DVector<f64>,
-) -> Option<(Model, DVector<f64>)> {
-    let mut length = 1.0;
-    for _ in 0..6 {
-        let mut next = model.clone();
-        for (&k, s) in free.iter().zip(step.iter()) {
-            let parameter = &mut next.parameters_mut()[k];
-            let moved = parameter.value.unwrap_or(0.0) + length * s;
-            parameter.value = Some(parameter.clamp(moved));
-        }
-        let positive = next.inertia.value.is_none_or(|j| j > 0.0);
-        let inside = next.terms.iter().all(|t| {
-            t.effect.admissible(
-                &t.effect
-                    .linear(&values(t), next.coulomb.value.unwrap_or(0.0))
-                    .1,
-            )
-        });
-        if positive && inside {
-            let after = evaluate(&next);
-            if after.norm_squared() < current.norm_squared() {
-                return Some((next, after));
-            }
-        }
-        length *= 0.5;
-    }
-    None
 }
 
 /// Standard errors from `(JᵀJ)⁻¹·(Σ over blocks of gradient outer products)·(JᵀJ)⁻¹`: the fold blocks stay

@@ -135,7 +135,7 @@ pub(super) fn leftover(bench: &Workbench, model: &Model) -> Result<Leftover> {
             coordinates: Vec::new(),
         });
     };
-    let groups: Vec<(&'static str, Vec<Vec<f64>>)> = bench
+    let mut groups: Vec<(&'static str, Vec<Vec<f64>>)> = bench
         .dictionary
         .groups(&bench.problem)
         .into_iter()
@@ -146,6 +146,7 @@ pub(super) fn leftover(bench: &Workbench, model: &Model) -> Result<Leftover> {
             )
         })
         .collect();
+    groups.push(("time, periodically", base.spectral_line()));
     let mut coordinates: Vec<(&'static str, f64)> = groups
         .iter()
         .map(|(name, c)| (*name, base.generic_gain(c)))

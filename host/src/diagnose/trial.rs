@@ -95,10 +95,54 @@ impl<'a> Base<'a> {
             &all,
             &self.bench.folds,
             GENERIC_RIDGE,
+            self.system.errors(),
         )
         .map_or(0.0, |s| {
             1.0 - s.cross_validated / self.score.cross_validated
         })
+    }
+
+    /// The strongest line in the spectrum of the residual over time, as two columns.
+    ///
+    /// Frequencies are half a resolution cell apart, up to where the windows pass a tenth of the amplitude.
+    pub fn spectral_line(&self) -> Vec<Vec<f64>> {
+        let mut residual = self.system.response.clone();
+        for (column, beta) in self.system.columns.iter().zip(self.score.beta.iter()) {
+            residual
+                .iter_mut()
+                .zip(column)
+                .for_each(|(r, c)| *r -= beta * c);
+        }
+        let problem = &self.bench.problem;
+        let times: Vec<f64> = problem.rows.iter().map(|&row| problem.time(row)).collect();
+        let (start, end) = times
+            .iter()
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), t| {
+                (a.min(*t), b.max(*t))
+            });
+        let step = 0.5 / (end - start).max(f64::MIN_POSITIVE);
+        let most = ((0.8 / self.survey.half_width) / step) as usize;
+        let pair = |hertz: f64| {
+            let wave = |f: fn(f64) -> f64| {
+                let rows: Vec<f64> = times
+                    .iter()
+                    .map(|t| f(std::f64::consts::TAU * hertz * (t - start)))
+                    .collect();
+                self.bench.noise.whiten(&rows)
+            };
+            vec![wave(f64::sin), wave(f64::cos)]
+        };
+        let power = |columns: &[Vec<f64>]| {
+            let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+            crate::linear::score(&residual, &columns, &self.bench.folds, GENERIC_RIDGE, None)
+                .map_or(f64::INFINITY, |s| s.chi2)
+        };
+        // The lowest frequencies are drifts, which the functions of time describe.
+        let frequencies = (4..most.max(5)).map(|k| k as f64 * step);
+        let best = frequencies
+            .map(|f| (power(&pair(f)), f))
+            .min_by(|a, b| a.0.total_cmp(&b.0));
+        best.map_or_else(Vec::new, |(_, f)| pair(f))
     }
 
     fn with(&self, effect: &'static dyn Effect, inner: f64) -> Result<Option<Score>> {

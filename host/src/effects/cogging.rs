@@ -39,9 +39,9 @@ impl Effect for Cogging {
     fn parameters(&self) -> &'static [Spec] {
         const {
             &[
-                Spec { name: "amplitude", quantity: Quantity::Torque },
-                Spec { name: "phase", quantity: Quantity::Phase },
-                Spec { name: "periods", quantity: Quantity::Periodicity },
+                Spec::new("amplitude", Quantity::Torque),
+                Spec::new("phase", Quantity::Phase),
+                Spec::new("periods", Quantity::Periodicity),
             ]
         }
     }

@@ -32,7 +32,7 @@ impl Effect for Delay {
         include_str!("delay.rs")
     }
     fn parameters(&self) -> &'static [Spec] {
-        const { &[Spec { name: "delay", quantity: Quantity::Time }] }
+        const { &[Spec::within("delay", Quantity::Time, (0.0, f64::INFINITY))] }
     }
     fn confusions(&self) -> &'static [Confusion] {
         const {

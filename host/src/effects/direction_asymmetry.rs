@@ -35,7 +35,7 @@ impl Effect for DirectionAsymmetry {
         include_str!("direction_asymmetry.rs")
     }
     fn parameters(&self) -> &'static [Spec] {
-        const { &[Spec { name: "offset", quantity: Quantity::Torque }] }
+        const { &[Spec::new("offset", Quantity::Torque)] }
     }
     fn confusions(&self) -> &'static [Confusion] {
         const {

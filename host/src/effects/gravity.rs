@@ -34,8 +34,8 @@ impl Effect for Gravity {
     fn parameters(&self) -> &'static [Spec] {
         const {
             &[
-                Spec { name: "amplitude", quantity: Quantity::Torque },
-                Spec { name: "phase", quantity: Quantity::Phase },
+                Spec::new("amplitude", Quantity::Torque),
+                Spec::new("phase", Quantity::Phase),
             ]
         }
     }

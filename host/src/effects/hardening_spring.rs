@@ -33,8 +33,8 @@ impl Effect for HardeningSpring {
     fn parameters(&self) -> &'static [Spec] {
         const {
             &[
-                Spec { name: "stiffness", quantity: Quantity::Stiffness },
-                Spec { name: "cubic", quantity: Quantity::Cubic },
+                Spec::new("stiffness", Quantity::Stiffness),
+                Spec::new("cubic", Quantity::Cubic),
             ]
         }
     }

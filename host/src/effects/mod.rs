@@ -117,6 +117,24 @@ pub struct Spec {
     pub name: &'static str,
     /// What it measures.
     pub quantity: Quantity,
+    /// Values that physics allows.
+    pub bounds: (f64, f64),
+}
+
+impl Spec {
+    /// A parameter of any sign and size.
+    const fn new(name: &'static str, quantity: Quantity) -> Self {
+        Self::within(name, quantity, (f64::NEG_INFINITY, f64::INFINITY))
+    }
+
+    /// A parameter within bounds.
+    const fn within(name: &'static str, quantity: Quantity, bounds: (f64, f64)) -> Self {
+        Self {
+            name,
+            quantity,
+            bounds,
+        }
+    }
 }
 
 /// A confusion that one kind of data cannot resolve.

@@ -21,6 +21,9 @@
 
 use super::{Confusion, Effect, Motion, Point, Quantity, Spec, Survey};
 
+/// Below, the curve is a Coulomb step within what a recording resolves; above, a viscous line.
+const EXPONENTS: (f64, f64) = (0.2, 0.85);
+
 pub(super) struct PowerLawViscous;
 
 impl Effect for PowerLawViscous {
@@ -36,8 +39,8 @@ impl Effect for PowerLawViscous {
     fn parameters(&self) -> &'static [Spec] {
         const {
             &[
-                Spec { name: "coefficient", quantity: Quantity::PowerLaw },
-                Spec { name: "exponent", quantity: Quantity::Number },
+                Spec::new("coefficient", Quantity::PowerLaw),
+                Spec::within("exponent", Quantity::Number, EXPONENTS),
             ]
         }
     }
@@ -65,8 +68,7 @@ impl Effect for PowerLawViscous {
         Some(1)
     }
     fn grid(&self, _survey: &Survey) -> Vec<f64> {
-        // Below 0.15 the curve is a Coulomb step, above 0.85 a viscous line.
-        vec![0.15, 0.25, 0.35, 0.45, 0.55, 0.65, 0.75, 0.85]
+        vec![0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.78, 0.85]
     }
     fn basis(&self, inner: f64, at: Point, out: &mut [f64]) {
         out[0] = at.s * at.v.abs().powf(inner);

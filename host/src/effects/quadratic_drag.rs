@@ -31,7 +31,7 @@ impl Effect for QuadraticDrag {
         include_str!("quadratic_drag.rs")
     }
     fn parameters(&self) -> &'static [Spec] {
-        const { &[Spec { name: "coefficient", quantity: Quantity::Quadratic }] }
+        const { &[Spec::new("coefficient", Quantity::Quadratic)] }
     }
     fn confusions(&self) -> &'static [Confusion] {
         const {

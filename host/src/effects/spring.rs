@@ -32,7 +32,7 @@ impl Effect for Spring {
         include_str!("spring.rs")
     }
     fn parameters(&self) -> &'static [Spec] {
-        const { &[Spec { name: "stiffness", quantity: Quantity::Stiffness }] }
+        const { &[Spec::new("stiffness", Quantity::Stiffness)] }
     }
     fn confusions(&self) -> &'static [Confusion] {
         const {

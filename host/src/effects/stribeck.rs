@@ -39,8 +39,8 @@ impl Effect for Stribeck {
     fn parameters(&self) -> &'static [Spec] {
         const {
             &[
-                Spec { name: "static", quantity: Quantity::Torque },
-                Spec { name: "stribeck_velocity", quantity: Quantity::Speed },
+                Spec::new("static", Quantity::Torque),
+                Spec::within("stribeck_velocity", Quantity::Speed, (f64::MIN_POSITIVE, f64::INFINITY)),
             ]
         }
     }

@@ -32,7 +32,7 @@ impl Effect for ViscousAsymmetry {
         include_str!("viscous_asymmetry.rs")
     }
     fn parameters(&self) -> &'static [Spec] {
-        const { &[Spec { name: "difference", quantity: Quantity::Viscous }] }
+        const { &[Spec::new("difference", Quantity::Viscous)] }
     }
     fn confusions(&self) -> &'static [Confusion] {
         const {

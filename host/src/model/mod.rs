@@ -125,6 +125,20 @@ impl Model {
             .collect()
     }
 
+    /// Moves parameter `k` of [`Model::parameters`] to a value, kept within the bounds of the file and of physics.
+    pub fn move_to(&mut self, k: usize, value: f64) {
+        let physical = self.physical_bounds(k);
+        let parameter = &mut *self.parameters_mut().swap_remove(k);
+        parameter.value = Some(parameter.clamp(value.clamp(physical.0, physical.1)));
+    }
+
+    fn physical_bounds(&self, k: usize) -> (f64, f64) {
+        let specs = self.terms.iter().flat_map(|t| t.effect.parameters());
+        k.checked_sub(4)
+            .and_then(|k| specs.clone().nth(k))
+            .map_or((f64::NEG_INFINITY, f64::INFINITY), |spec| spec.bounds)
+    }
+
     /// A label for each of [`Model::parameters`].
     pub fn labels(&self) -> Vec<Label> {
         let plant = [

@@ -82,7 +82,7 @@ impl Track {
         };
         let half = track.differentiate();
         track.fill_cells(motion);
-        track.bar_standstill(2 * half + 1);
+        track.bar_standstill(half + 1);
         track.bar_gaps(t);
         track
     }

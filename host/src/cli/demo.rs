@@ -1,0 +1,112 @@
+//! `bristle demo`
+
+use std::f64::consts::TAU;
+use std::fmt::Write;
+use std::path::PathBuf;
+
+use clap::Args;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::output::Outputs;
+use super::{Outcome, diagnose};
+use crate::axis::Axis;
+use crate::error::{Error, Result};
+use crate::model::Model;
+use crate::simulate::{State, advance};
+
+/// Run the main job on a built-in recording: an axis with concealed physics, simulated, recorded and diagnosed
+///
+/// Simulates an axis under position control whose friction has a Stribeck curve, writes what its driver would have
+/// recorded (torque and a 4096-count encoder), and diagnoses that against a model which knows only Coulomb and
+/// viscous friction.
+#[derive(Args, Debug)]
+pub(super) struct Command {
+    /// Folder for the recording, the models, the JSON and the report
+    #[arg(long, value_name = "DIR", default_value = "bristle-demo")]
+    out: PathBuf,
+    /// Seed of the simulated noise
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+}
+
+/// The axis as it is: the diagnosis never sees this text.
+const TRUTH: &str = "[plant]
+motion = \"rotary\"
+inertia = 0.012
+[friction]
+model = \"stribeck\"
+coulomb = 0.18
+viscous = 0.021
+static = 0.30
+stribeck_velocity = 0.7
+";
+
+/// What its owner believes.
+const BASELINE: &str = "name = \"demonstration axis\"
+
+[plant]
+motion  = \"rotary\"
+input   = \"torque\"
+inertia = \"?\"
+
+[friction]
+model   = \"coulomb-viscous\"
+coulomb = \"?\"
+viscous = \"?\"
+";
+
+const RATE: f64 = 1000.0;
+const SECONDS: usize = 24;
+const COUNTS: f64 = 4096.0;
+/// Torque that acts on the axis and is not recorded, RMS, N·m.
+const DISTURBANCE: f64 = 0.01;
+
+impl Command {
+    pub fn run(&self) -> Outcome {
+        std::fs::create_dir_all(&self.out).map_err(|reason| Error::Unwritable {
+            path: self.out.clone(),
+            reason,
+        })?;
+        let (recording, model) = (self.out.join("recording.csv"), self.out.join("baseline.toml"));
+        let mut outputs = Outputs::default();
+        let text = record(self.seed)?;
+        outputs.add(Some(&recording), || Ok(text))?;
+        outputs.add(Some(&model), || Ok(BASELINE.to_owned()))?;
+        outputs.write()?;
+        anstream::println!(
+            "Simulated {SECONDS} s of an axis with concealed physics: {}\nDiagnosing it against a model of Coulomb and viscous friction: {}\n",
+            recording.display(),
+            model.display()
+        );
+        let status = diagnose::Command::demo(recording, model, &self.out).run()?;
+        anstream::println!("\nOpen {} in a browser.", self.out.join("report.html").display());
+        Ok(status)
+    }
+}
+
+/// Runs the axis under position control and writes what its driver would have recorded.
+fn record(seed: u64) -> Result<String> {
+    let model = Model::parse(TRUTH).map_err(Error::Internal)?;
+    let axis = Axis::new(&model)?;
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let count = TAU / COUNTS;
+    let mut state = State { q: 0.0, v: 0.0 };
+    let mut before = 0.0;
+    let mut text = String::from("t[s],u[N*m],q[rad]\n");
+    for k in 0..SECONDS * RATE as usize {
+        let t = k as f64 / RATE;
+        let measured = (state.q / count).floor() * count;
+        // Two slow waves and a faster one: speeds from creeping to brisk, in both directions.
+        let wave = |hertz: f64| (TAU * hertz * t).sin();
+        let reference = 1.5 * wave(0.23) + 0.6 * wave(0.71) + 0.12 * wave(2.3);
+        let slope = (measured - before) * RATE;
+        let u = (6.0 * (reference - measured) - 0.05 * slope).clamp(-3.0, 3.0);
+        before = measured;
+        let _ = writeln!(text, "{t:.3},{u:.6},{measured:.9}");
+        // Sum of twelve uniform numbers: variance 1, close to normal.
+        let noise = (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0;
+        state = advance(&axis, u + DISTURBANCE * noise, state, 1.0 / RATE);
+    }
+    Ok(text)
+}

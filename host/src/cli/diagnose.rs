@@ -1,0 +1,101 @@
+//! `bristle diagnose`
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::output::{self, Outputs};
+use super::{DONE, Outcome, terminal};
+use crate::diagnose::{Verdict, diagnose};
+use crate::error::Error;
+use crate::identify::identify;
+use crate::model::Model;
+use crate::recording::Recording;
+use crate::report;
+
+/// Exit status of `--check` when the model leaves something out.
+const LEFT_OUT: u8 = 3;
+
+/// Say where model and recording part, what physics was left out, and prove that adding it helps
+///
+/// Fits the model to the first 70 % of each recording, tries every effect of the catalogue on what remains, and
+/// confirms on the held-out 30 %. The verdict is one of: adequate (nothing significant is left out), explained (the
+/// findings account for the mismatch), unknown (something is left out that no effect explains).
+///
+/// Example: bristle diagnose run.csv --model axis.toml --model-out fitted.toml --report report.html
+#[derive(Args, Debug)]
+pub(super) struct Command {
+    /// Recordings (CSV) of one axis; each is an experiment of its own, all share the parameters
+    #[arg(required = true, value_name = "REC")]
+    recordings: Vec<PathBuf>,
+    /// Model file (TOML) of the baseline; "?" marks what is to be estimated
+    #[arg(long, value_name = "M.toml")]
+    model: PathBuf,
+    /// Write the model with the findings in it and all values with standard errors
+    #[arg(long, value_name = "OUT.toml")]
+    model_out: Option<PathBuf>,
+    /// Write the diagnosis as JSON (schema bristle.diagnosis/1)
+    #[arg(long, value_name = "OUT.json")]
+    json: Option<PathBuf>,
+    /// Write a self-contained HTML report with plots
+    #[arg(long, value_name = "OUT.html")]
+    report: Option<PathBuf>,
+    /// Exit with status 3 when the model leaves something out, for use in a pipeline
+    #[arg(long)]
+    check: bool,
+}
+
+impl Command {
+    pub fn run(&self) -> Outcome {
+        let verdict = self.diagnose()?;
+        let left_out = self.check && verdict != Verdict::Adequate;
+        Ok(if left_out { LEFT_OUT } else { DONE })
+    }
+
+    fn diagnose(&self) -> crate::error::Result<Verdict> {
+        let mut inputs: Vec<&std::path::Path> = self.recordings.iter().map(PathBuf::as_path).collect();
+        inputs.push(&self.model);
+        output::check(&inputs, &[self.model_out.as_ref(), self.json.as_ref(), self.report.as_ref()])?;
+        let progress = terminal::progress();
+        progress.set_message("reading");
+        let model = Model::read(&self.model)?;
+        let recordings = read_all(&self.recordings, &model)?;
+        progress.set_message("fitting the baseline");
+        let (bench, baseline) = identify(&recordings, &model)?;
+        let outcome = diagnose(&bench, &baseline, &recordings, &|what| progress.set_message(what.to_owned()))?;
+        progress.set_message("writing");
+        let mut outputs = Outputs::default();
+        outputs.add(self.model_out.as_ref(), || Ok(outcome.after.to_toml()))?;
+        outputs.add(self.json.as_ref(), || json(&outcome.diagnosis))?;
+        outputs.add(self.report.as_ref(), || report::diagnosis(&outcome, &bench, &recordings))?;
+        let written = outputs.write()?;
+        progress.finish_and_clear();
+        terminal::diagnosis(&outcome.diagnosis);
+        terminal::written(&written);
+        Ok(outcome.diagnosis.verdict)
+    }
+
+    /// The command that `bristle demo` runs on its own recording.
+    pub fn demo(recording: PathBuf, model: PathBuf, folder: &std::path::Path) -> Self {
+        Self {
+            recordings: vec![recording],
+            model,
+            model_out: Some(folder.join("diagnosed.toml")),
+            json: Some(folder.join("diagnosis.json")),
+            report: Some(folder.join("report.html")),
+            check: false,
+        }
+    }
+}
+
+/// Reads all recordings of an axis.
+pub(super) fn read_all(paths: &[PathBuf], model: &Model) -> crate::error::Result<Vec<Recording>> {
+    paths.iter().map(|path| Recording::read(path, &model.columns, model.motion)).collect()
+}
+
+/// Pretty JSON with a final line break.
+pub(super) fn json(value: &impl serde::Serialize) -> crate::error::Result<String> {
+    serde_json::to_string_pretty(value)
+        .map(|text| text + "\n")
+        .map_err(|e| Error::Internal(format!("cannot write JSON: {e}")))
+}

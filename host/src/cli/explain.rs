@@ -1,0 +1,89 @@
+//! `bristle explain`
+
+use std::fmt::Write;
+
+use anstyle::Style;
+use clap::Args;
+
+use super::{DONE, Outcome};
+use crate::effects::{self, Effect};
+use crate::error::Error;
+
+/// Explain an effect: what it is, what it looks like, what excites it, what it is confused with
+///
+/// Without an id it lists the catalogue, and which effects this version does not diagnose yet.
+#[derive(Args, Debug)]
+pub(super) struct Command {
+    /// Id of an effect, such as stribeck
+    id: Option<String>,
+}
+
+impl Command {
+    pub fn run(&self) -> Outcome {
+        let text = match &self.id {
+            None => list(),
+            Some(id) => explain(id)?,
+        };
+        anstream::print!("{text}");
+        Ok(DONE)
+    }
+}
+
+fn list() -> String {
+    let mut text = String::from("Effects that bristle diagnoses:\n");
+    for effect in effects::ALL {
+        let _ = writeln!(text, "  {:<28}{}", effect.id(), effect.name());
+    }
+    text.push_str("\nIn the catalogue, not in this version yet:\n");
+    for planned in effects::PLANNED {
+        let _ = writeln!(text, "  {:<28}{}", planned.id, planned.summary);
+    }
+    text.push_str("\nbristle explain ID tells more about one of them.\n");
+    text
+}
+
+fn explain(id: &str) -> Result<String, Error> {
+    if let Some(effect) = effects::find(id) {
+        return Ok(page(effect));
+    }
+    if let Some(planned) = effects::PLANNED.iter().find(|p| p.id == id) {
+        return Ok(format!(
+            "{id}: {}.\nThis version does not diagnose it yet: a recording that holds it is called unknown, or named after the closest effect that is built in.\n",
+            planned.summary
+        ));
+    }
+    let every = effects::ALL.iter().map(|e| e.id()).chain(effects::PLANNED.iter().map(|p| p.id));
+    let close: Vec<&str> = every.filter(|known| related(known, id)).collect();
+    let hint = if close.is_empty() { "bristle explain lists them all".to_owned() } else { format!("did you mean {}?", close.join(" or ")) };
+    Err(Error::Usage(format!("there is no effect {id:?}; {hint}")))
+}
+
+/// Whether two ids share a word of at least four letters, or begin alike.
+fn related(known: &str, asked: &str) -> bool {
+    let asked = asked.to_lowercase().replace('_', "-");
+    let begins = asked.len() >= 3 && known.starts_with(&asked[..asked.floor_char_boundary(3)]);
+    begins || asked.split('-').any(|word| word.len() >= 4 && known.contains(word))
+}
+
+/// The effect's own documentation, its headings in bold, followed by its parameters.
+fn page(effect: &dyn Effect) -> String {
+    let bold = Style::new().bold();
+    let mut text = format!("{bold}{} ({}){bold:#}\n\n", effect.name(), effect.id());
+    for line in effect.doc().lines().map_while(|l| l.strip_prefix("//!")) {
+        let line = line.strip_prefix(' ').unwrap_or(line);
+        let _ = match line.strip_prefix("# ") {
+            Some(heading) => writeln!(text, "{bold}{heading}{bold:#}"),
+            None => writeln!(text, "{line}"),
+        };
+    }
+    let _ = writeln!(text, "\n{bold}Parameters{bold:#} (in the model file under [effects.{}])", effect.id());
+    for spec in effect.parameters() {
+        let (rotary, linear) = (
+            spec.quantity.unit(crate::model::Motion::Rotary),
+            spec.quantity.unit(crate::model::Motion::Linear),
+        );
+        let unit = if rotary == linear { rotary.to_owned() } else { format!("{rotary} or {linear}") };
+        let _ = writeln!(text, "{}, {unit}", spec.name);
+    }
+    text
+}

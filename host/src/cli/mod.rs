@@ -1,0 +1,69 @@
+//! The command line: one verb, one file.
+
+mod demo;
+mod diagnose;
+mod explain;
+mod identify;
+mod output;
+mod simulate;
+mod terminal;
+
+use clap::{Parser, Subcommand};
+
+use crate::error::Result;
+
+/// Finds the physics that a servo axis model leaves out, models it and proves that the fit improves.
+///
+/// A recording is a CSV file whose first line names its columns, as in t[s],u[N*m],q[rad]: time, what drives the
+/// axis (torque, force, voltage or current), and the measured position (or v, velocity). A model file (TOML) says
+/// what is known of the axis; every "?" in it is estimated.
+///
+/// Start with `bristle demo`, then `bristle diagnose run.csv --model axis.toml --report report.html`.
+///
+/// Exit status: 0 done, 1 internal failure, 2 unusable input or arguments, 3 only with `diagnose --check`.
+#[derive(Debug, Parser)]
+#[command(name = "bristle", version, max_term_width = 100)]
+struct Cli {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Debug, Subcommand)]
+enum Verb {
+    Demo(demo::Command),
+    Diagnose(diagnose::Command),
+    Identify(identify::Command),
+    Simulate(simulate::Command),
+    Explain(explain::Command),
+}
+
+/// Runs the command line of this process and returns its exit status.
+pub fn run() -> u8 {
+    let outcome = match Cli::parse().verb {
+        Verb::Demo(command) => command.run(),
+        Verb::Diagnose(command) => command.run(),
+        Verb::Identify(command) => command.run(),
+        Verb::Simulate(command) => command.run(),
+        Verb::Explain(command) => command.run(),
+    };
+    outcome.unwrap_or_else(|error| {
+        terminal::error(&error);
+        error.exit_status()
+    })
+}
+
+/// The exit status of a command that did what it was asked.
+const DONE: u8 = 0;
+
+/// What every verb returns: an exit status, or the error that decides it.
+type Outcome = Result<u8>;
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        super::Cli::command().debug_assert();
+    }
+}
