@@ -49,6 +49,7 @@ fn main() {
         number("each", 12),
         number("others", 6),
         options.get("only"),
+        options.get("at").and_then(|v| v.parse().ok()),
     );
     println!("{} plants", recipes.len());
     let trials = run(&recipes);
@@ -59,7 +60,14 @@ fn main() {
     confusion_table(&trials);
 }
 
-fn recipes(seed: u64, clean: u64, each: u64, others: u64, only: Option<&String>) -> Vec<Recipe> {
+fn recipes(
+    seed: u64,
+    clean: u64,
+    each: u64,
+    others: u64,
+    only: Option<&String>,
+    at: Option<u64>,
+) -> Vec<Recipe> {
     let noises = [Noise::Low, Noise::Medium, Noise::High];
     let base = seed * 1_000_000;
     let mut recipes: Vec<Recipe> = (0..clean)
@@ -78,6 +86,9 @@ fn recipes(seed: u64, clean: u64, each: u64, others: u64, only: Option<&String>)
             ));
         }
     }
+    if let Some(at) = at {
+        recipes.retain(|r| r.seed == at);
+    }
     recipes.retain(|r| only.is_none_or(|o| r.effects.first().copied().unwrap_or("clean") == o));
     recipes
 }
@@ -92,7 +103,7 @@ fn run(recipes: &[Recipe]) -> Vec<Trial> {
                 while let Some(recipe) = recipes.get(next.fetch_add(1, Ordering::Relaxed)) {
                     let trial = attempt(recipe);
                     if let Ok(mut trials) = trials.lock() {
-                        trials.push(trial);
+                        trials.extend(trial);
                     }
                 }
             });
@@ -101,8 +112,12 @@ fn run(recipes: &[Recipe]) -> Vec<Trial> {
     trials.into_inner().unwrap_or_default()
 }
 
-fn attempt(recipe: &Recipe) -> Trial {
+/// Diagnoses one plant; `None` if the simulator could not give it sane motion and the size asked for.
+fn attempt(recipe: &Recipe) -> Option<Trial> {
     let made = simulate(recipe);
+    if !made.truth.met || made.truth.top_speed < 1e-3 {
+        return None;
+    }
     let model = Model::parse(&baseline_toml(recipe)).expect("the baseline is a valid model");
     let recording = [Recording {
         path: "plant.csv".into(),
@@ -122,9 +137,11 @@ fn attempt(recipe: &Recipe) -> Trial {
                 d.fit.before.held_out.nrmse,
                 d.fit.after.held_out.nrmse,
                 outcome.after.inertia.value.unwrap_or(0.0) / made.truth.inertia - 1.0,
-                d.unexplained
-                    .as_ref()
-                    .map(|u| (u.gain, u.coordinates.first().copied())),
+                (
+                    d.leftover.gain,
+                    d.leftover.size,
+                    d.leftover.coordinates.first().copied()
+                ),
                 bench.problem.rows.len(),
             );
             (d.verdict, d.findings.iter().map(|f| f.id).collect(), more)
@@ -133,8 +150,9 @@ fn attempt(recipe: &Recipe) -> Trial {
     };
     let verdict = format!("{verdict:?}").to_lowercase();
     let line = format!(
-        "{:?} size {} noise {:?} {:?} {:?} rate {} counts {} {} met {}: {verdict} {names:?} | {more}",
+        "{:?} seed {} size {} noise {:?} {:?} {:?} rate {} counts {} {} met {}: {verdict} {names:?} | {more}",
         recipe.effects,
+        recipe.seed,
         recipe.size,
         recipe.noise,
         recipe.control,
@@ -144,14 +162,14 @@ fn attempt(recipe: &Recipe) -> Trial {
         made.truth.excitation,
         made.truth.met,
     );
-    Trial {
+    Some(Trial {
         truth: recipe.effects.clone(),
         size: recipe.size,
         noise: recipe.noise,
         verdict,
         names,
         line,
-    }
+    })
 }
 
 fn clean_table(trials: &[Trial]) {

@@ -2,7 +2,7 @@
 
 use bristle_core::friction::{CoulombViscous, Friction};
 
-use crate::effects::{Effect, Point};
+use crate::effects::{Effect, Inner, Point};
 use crate::error::{Error, Result};
 use crate::model::{Model, Motion};
 use crate::system;
@@ -16,7 +16,7 @@ pub struct Axis {
     /// How much later than recorded the input acts, s.
     pub delay: f64,
     law: CoulombViscous<f64>,
-    terms: Vec<(&'static dyn Effect, f64, Vec<f64>)>,
+    terms: Vec<(&'static dyn Effect, Inner, Vec<f64>)>,
     motion: Motion,
 }
 

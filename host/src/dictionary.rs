@@ -46,7 +46,7 @@ impl Dictionary {
             speed: quantiles(every(&|t, k| t.cells[k].v.abs()), count),
             position: quantiles(every(&|t, k| t.cells[k].q), count + 2),
             input: quantiles(all_inputs, count),
-            travel: quantiles(every(&|t, k| t.cells[k].v.abs() * t.period), 2)[1],
+            travel: largest(every(&|t, k| t.cells[k].v.abs() * t.period)),
         };
         let tracks = tracks
             .iter()
@@ -183,13 +183,27 @@ fn hat(knots: &[f64], j: usize, x: f64) -> f64 {
     }
 }
 
-/// `count` values that split the sample into equal shares, from its 1 % to its 99 % point.
+/// The 99 % point.
+fn largest(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[(values.len() - 1) * 99 / 100].max(f64::MIN_POSITIVE)
+}
+
+/// At most `count` values that split the sample into equal shares, from its 1 % to its 99 % point; neighbours closer than
+/// a hundredth of the range are one.
 fn quantiles(mut values: Vec<f64>, count: usize) -> Vec<f64> {
     values.sort_by(f64::total_cmp);
     let last = (values.len() - 1) as f64;
-    (0..count)
-        .map(|k| values[(last * (0.01 + 0.98 * k as f64 / (count - 1) as f64)) as usize])
-        .collect()
+    let at = |share: f64| values[(last * (0.01 + 0.98 * share)) as usize];
+    let apart = 0.01 * (at(1.0) - at(0.0)).max(f64::MIN_POSITIVE);
+    let mut knots: Vec<f64> = Vec::new();
+    for k in 0..count {
+        let value = at(k as f64 / (count - 1) as f64);
+        if knots.last().is_none_or(|before| value - before > apart) {
+            knots.push(value);
+        }
+    }
+    knots
 }
 
 #[cfg(test)]

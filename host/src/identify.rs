@@ -6,7 +6,7 @@ use crate::dictionary::Dictionary;
 use crate::error::{Error, Result};
 use crate::fit::{self, Fit};
 use crate::linear;
-use crate::model::{Causality, Model};
+use crate::model::{Causality, Model, Parameter};
 use crate::noise::Noise;
 use crate::problem::{Problem, Response};
 use crate::recording::Recording;
@@ -31,6 +31,9 @@ pub struct Workbench {
     pub noise: Noise,
     /// Generic functions of each coordinate.
     pub dictionary: Dictionary,
+    /// Inertia found with all generic functions in: what a model falls back to that leaves so much out that its own
+    /// inertia would be negative.
+    robust_inertia: Option<f64>,
 }
 
 /// A model with estimated values, and how well it predicts.
@@ -65,7 +68,9 @@ impl Workbench {
         }
         let folds = system::folds(&problem);
         let start = with_starts(&problem, model);
-        problem.response = choose_response(&mut problem, &start, &dictionary, &folds)?;
+        let (response, robust_inertia) =
+            choose_response(&mut problem, &start, &dictionary, &folds)?;
+        problem.response = response;
         let system = System::new(&problem, &start)?;
         let (residual, unknowns) = follow_everything(&problem, &system, &dictionary, &folds)?;
         let noise = Noise::estimate(&problem, &residual, unknowns);
@@ -74,6 +79,7 @@ impl Workbench {
             folds,
             noise,
             dictionary,
+            robust_inertia,
         })
     }
 
@@ -87,9 +93,7 @@ impl Workbench {
             .ok_or_else(|| undetermined(&model))?;
         system.decode(&score.beta, &mut model);
         if model.inertia.value.is_some_and(|j| j <= 0.0) {
-            return Err(Error::NotIdentifiable(
-                "the motion does not follow u: the estimated inertia is negative; check the sign of u and of q, and which columns they are".to_owned(),
-            ));
+            return self.with_robust_inertia(model);
         }
         for k in 0..model.parameters().len() {
             if let Some(value) = model.parameters()[k]
@@ -100,6 +104,25 @@ impl Workbench {
             }
         }
         let chi2 = system::refine(&self.problem, &mut model, &self.noise, &self.folds);
+        Ok((model, chi2))
+    }
+
+    /// Estimates the rest of a model around the inertia found with all generic functions in.
+    fn with_robust_inertia(&self, mut model: Model) -> Result<(Model, f64)> {
+        if model.inertia.known || self.robust_inertia.is_none() {
+            return Err(Error::NotIdentifiable(
+                "the motion does not follow u: the estimated inertia is negative; check the sign of u and of q, and which columns they are".to_owned(),
+            ));
+        }
+        let bounds = std::mem::replace(
+            &mut model.inertia,
+            Parameter::known(self.robust_inertia.unwrap_or_default()),
+        );
+        let (mut model, chi2) = self.estimate(&model)?;
+        model.inertia = Parameter {
+            value: model.inertia.value,
+            ..bounds
+        };
         Ok((model, chi2))
     }
 
@@ -149,6 +172,10 @@ fn with_starts(problem: &Problem, model: &Model) -> Model {
     let mut model = model.clone();
     let survey = problem.survey();
     for term in &mut model.terms {
+        if let Some((shape, start)) = term.effect.shape() {
+            let parameter = &mut term.parameters[shape];
+            parameter.value = Some(parameter.value.unwrap_or_else(|| parameter.clamp(start)));
+        }
         if let Some(inner) = term.effect.inner() {
             let parameter = &mut term.parameters[inner];
             if parameter.value.is_none() {
@@ -168,19 +195,21 @@ fn with_starts(problem: &Problem, model: &Model) -> Model {
 /// which keeps encoder noise out of the regressors; where they differ by more than [`DISAGREEMENT`], little of the
 /// torque goes into acceleration, so the motion is next to imposed. A baseline that leaves much out disturbs alike,
 /// hence the second comparison, with the tolerance of a rough model.
+///
+/// Also gives the inertia that the force side finds, with all generic functions in if that is positive.
 fn choose_response(
     problem: &mut Problem,
     model: &Model,
     dictionary: &Dictionary,
     folds: &[Option<usize>],
-) -> Result<Response> {
+) -> Result<(Response, Option<f64>)> {
     const DISAGREEMENT: f64 = 1.1;
     const ROUGH_DISAGREEMENT: f64 = 2.0;
     if model.causality == Causality::Inverse {
-        return Ok(Response::Force);
+        return Ok((Response::Force, None));
     }
     if model.inertia.known {
-        return Ok(Response::Acceleration);
+        return Ok((Response::Acceleration, None));
     }
     let generic: Vec<Rc<Vec<f64>>> = dictionary
         .groups(problem)
@@ -207,22 +236,26 @@ fn choose_response(
             }
         }))
     };
-    for (generic, tolerance) in [
-        (generic.as_slice(), DISAGREEMENT),
-        (&[], ROUGH_DISAGREEMENT),
-    ] {
-        let (by_acceleration, by_force) = (
+    let mut by_both_sides = |generic: &[Rc<Vec<f64>>]| -> Result<(Option<f64>, Option<f64>)> {
+        Ok((
             inertia(Response::Acceleration, generic)?,
             inertia(Response::Force, generic)?,
-        );
-        if let (Some(a), Some(f)) = (by_acceleration, by_force)
-            && f > 0.0
-            && !(a > 0.0 && a < tolerance * f)
-        {
-            return Ok(Response::Force);
-        }
+        ))
+    };
+    let (full, plain) = (by_both_sides(&generic)?, by_both_sides(&[])?);
+    let positive = |j: Option<f64>| j.filter(|j| *j > 0.0);
+    let robust = positive(full.1).or(positive(plain.1));
+    let disagree = |(acceleration, force): (Option<f64>, Option<f64>), tolerance: f64| match (
+        acceleration,
+        force,
+    ) {
+        (Some(a), Some(f)) => !(a > 0.0 && a < tolerance * f),
+        _ => false,
+    };
+    if disagree(full, DISAGREEMENT) || disagree(plain, ROUGH_DISAGREEMENT) {
+        return Ok((Response::Force, robust));
     }
-    Ok(Response::Acceleration)
+    Ok((Response::Acceleration, robust))
 }
 
 /// Relative ridge on generic columns, some of which add up to columns of the model.

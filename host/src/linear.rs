@@ -30,10 +30,18 @@ impl Gram {
         }
     }
 
-    /// Minimiser; a relative ridge of `ridge` (plus rounding) keeps dependent columns harmless.
-    fn solve(&self, ridge: f64) -> Option<DVector<f64>> {
+    /// Norm of each column.
+    fn scale(&self) -> Vec<f64> {
+        self.xx
+            .diagonal()
+            .iter()
+            .map(|d| d.sqrt().max(1e-150))
+            .collect()
+    }
+
+    /// Minimiser; a ridge (plus rounding), relative to the norms in `scale`, keeps dependent columns harmless.
+    fn solve(&self, ridge: f64, scale: &[f64]) -> Option<DVector<f64>> {
         let n = self.xy.len();
-        let scale: Vec<f64> = (0..n).map(|i| self.xx[(i, i)].sqrt().max(1e-150)).collect();
         let mut scaled = DMatrix::from_fn(n, n, |i, j| self.xx[(i, j)] / (scale[i] * scale[j]));
         for i in 0..n {
             scaled[(i, i)] += 1e-12 + ridge;
@@ -93,7 +101,9 @@ pub fn score(
         total.xy += &gram.xy;
         total.yy += gram.yy;
     }
-    let beta = total.solve(ridge)?;
+    // Columns keep the norms of all rows: one that vanishes outside a fold must not blow up rounding errors.
+    let scale = total.scale();
+    let beta = total.solve(ridge, &scale)?;
     let mut cross_validated = 0.0;
     for gram in &grams {
         let others = Gram {
@@ -101,7 +111,7 @@ pub fn score(
             xy: &total.xy - &gram.xy,
             yy: 0.0,
         };
-        cross_validated += gram.residual(&others.solve(ridge)?);
+        cross_validated += gram.residual(&others.solve(ridge, &scale)?);
     }
     Some(Score {
         chi2: total.residual(&beta),

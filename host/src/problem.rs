@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::collections::HashMap;
 use std::rc::Rc;
 
-use crate::effects::{Effect, Survey};
+use crate::effects::{Effect, Inner, Survey};
 use crate::model::Motion;
 use crate::recording::Recording;
 use crate::weak::{Part, Track, Windows};
@@ -32,8 +32,8 @@ pub enum Response {
 /// A column of functionals, one for each row.
 pub type Column = Rc<Vec<f64>>;
 
-/// Key of a cached column set: effect id and the bits of its inner parameter.
-type Key = (&'static str, u64);
+/// Key of a cached column set: effect id and the bits of its inner parameters.
+type Key = (&'static str, [u64; 2]);
 
 /// Tracks, windows and rows, with the columns computed so far.
 pub struct Problem {
@@ -108,7 +108,7 @@ impl Problem {
 
     /// `∫u(t − delay) φ`.
     pub fn input(&self, delay: f64) -> Column {
-        self.cached(("input", delay.to_bits()), || {
+        self.cached(("input", [delay.to_bits(), 0]), || {
             vec![self.stack(|t, w| w.hold(&t.input(delay)))]
         })
         .remove(0)
@@ -116,24 +116,26 @@ impl Problem {
 
     /// `∫sgn(v) φ`.
     pub fn coulomb(&self) -> Column {
-        self.cached(("coulomb", 0), || vec![self.cells(|t, k| t.cells[k].s)])
-            .remove(0)
+        self.cached(("coulomb", [0; 2]), || {
+            vec![self.cells(|t, k| t.cells[k].s)]
+        })
+        .remove(0)
     }
 
     /// `−∫q φ̇`.
     pub fn velocity(&self) -> Column {
-        self.cached(("velocity", 0), || {
+        self.cached(("velocity", [0; 2]), || {
             vec![self.stack(|t, w| w.velocity(&t.q))]
         })
         .remove(0)
     }
 
-    /// The columns of an effect for a value of its inner parameter.
-    pub fn effect(&self, effect: &'static dyn Effect, inner: f64) -> Vec<Column> {
+    /// The columns of an effect for values of its inner parameters.
+    pub fn effect(&self, effect: &'static dyn Effect, inner: Inner) -> Vec<Column> {
         if effect.width() == 0 {
             return Vec::new();
         }
-        self.cached((effect.id(), inner.to_bits()), || {
+        self.cached((effect.id(), inner.map(f64::to_bits)), || {
             let mut columns = vec![Vec::with_capacity(self.rows.len()); effect.width()];
             let mut basis = vec![0.0; effect.width()];
             for (track, windows) in self.tracks.iter().zip(&self.windows) {

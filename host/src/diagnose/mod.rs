@@ -103,6 +103,8 @@ pub struct Finding {
 pub struct Unexplained {
     /// Share of the cross-validated squared error that generic functions take away.
     pub gain: f64,
+    /// RMS of the torque or force that goes with it, as a share of the RMS of the drive.
+    pub size: f64,
     /// Coordinates it may depend on with their own shares, best first.
     pub coordinates: Vec<(&'static str, f64)>,
 }
@@ -134,6 +136,8 @@ pub struct Diagnosis {
     pub findings: Vec<Finding>,
     /// What stays unexplained.
     pub unexplained: Option<Unexplained>,
+    /// What generic functions of each coordinate would still gain, significant or not.
+    pub leftover: Unexplained,
     /// Parameters of the final model.
     pub parameters: Estimates,
     /// Before and after.
@@ -151,6 +155,10 @@ pub struct Outcome {
     /// The final model.
     pub after: Model,
 }
+
+/// Torque that no effect explains counts from this share of the drive's RMS on: a sixth of the smallest effects that are
+/// looked for (3 %), and about what smoothing and sampling leave behind where the noise is very low.
+const SMALLEST: f64 = 0.005;
 
 /// Share of what generic functions gain that the named effects must reach: below it, the names are not the physics.
 const SHARE_OF_GENERIC: f64 = 0.6;
@@ -172,7 +180,7 @@ pub fn diagnose(
     let mut remaining = error(bench, &after)?;
     let reached = (base_error - remaining)
         / (base_error - remaining * (1.0 - leftover.gain)).max(f64::MIN_POSITIVE);
-    let significant = leftover.gain >= FLOOR;
+    let significant = leftover.gain >= FLOOR && leftover.size >= SMALLEST;
     let (selected, after) = if significant && reached < SHARE_OF_GENERIC && !selected.is_empty() {
         leftover = select::leftover(bench, before)?;
         remaining = base_error;
@@ -195,7 +203,8 @@ pub fn diagnose(
     } else {
         whitened(bench, &after)
     };
-    let unexplained = significant.then(|| unexplained(&leftover));
+    let leftover = unexplained(&leftover);
+    let unexplained = significant.then(|| leftover.clone());
     let _ = remaining;
     let diagnosis = Diagnosis {
         schema: "bristle.diagnosis/1",
@@ -208,6 +217,7 @@ pub fn diagnose(
         place: locate::locate(bench, before, &z_before, &z_after),
         findings,
         unexplained,
+        leftover,
         parameters: estimates(&after, None),
         fit: BeforeAfter {
             before: baseline.fit,
@@ -231,6 +241,7 @@ pub fn diagnose(
 fn unexplained(leftover: &Leftover) -> Unexplained {
     Unexplained {
         gain: leftover.gain,
+        size: leftover.size,
         coordinates: leftover.coordinates.iter().take(3).copied().collect(),
     }
 }

@@ -5,6 +5,7 @@ use crate::effects;
 use crate::error::Result;
 use crate::identify::Workbench;
 use crate::model::Model;
+use crate::system;
 
 /// Share by which the cross-validated squared error must fall: 10 % of the RMS error. Reversals and coloured noise
 /// leave artefacts that are statistically significant but stay below this on clean recordings; the rate of false
@@ -26,6 +27,8 @@ pub(super) struct Selected {
 pub(super) struct Leftover {
     /// Gain of the whole dictionary.
     pub gain: f64,
+    /// RMS torque that goes with it, over the RMS of the drive.
+    pub size: f64,
     /// Gain of each group alone, best first.
     pub coordinates: Vec<(&'static str, f64)>,
 }
@@ -132,6 +135,7 @@ pub(super) fn leftover(bench: &Workbench, model: &Model) -> Result<Leftover> {
     let Some(base) = Base::new(bench, model)? else {
         return Ok(Leftover {
             gain: 0.0,
+            size: 0.0,
             coordinates: Vec::new(),
         });
     };
@@ -154,8 +158,18 @@ pub(super) fn leftover(bench: &Workbench, model: &Model) -> Result<Leftover> {
     coordinates.sort_by(|a, b| b.1.total_cmp(&a.1));
     let all: Vec<Vec<f64>> = groups.into_iter().flat_map(|(_, c)| c).collect();
     let single = coordinates.first().map_or(0.0, |c| c.1);
+    let gain = base.generic_gain(&all).max(single);
     Ok(Leftover {
-        gain: base.generic_gain(&all).max(single),
+        gain,
+        size: gain.max(0.0).sqrt() * relative_residual(bench, model),
         coordinates,
     })
+}
+
+/// RMS of the residual torque over the RMS of the driving torque, both averaged by the test functions.
+fn relative_residual(bench: &Workbench, model: &Model) -> f64 {
+    let rms = |x: &[f64]| (x.iter().map(|x| x * x).sum::<f64>() / x.len().max(1) as f64).sqrt();
+    let scale = system::torque_scale(&bench.problem, model).abs();
+    let drive = model.gain.value.unwrap_or(1.0).abs() * rms(&bench.problem.input(0.0));
+    scale * rms(&system::residual(&bench.problem, model)) / drive.max(f64::MIN_POSITIVE)
 }

@@ -71,7 +71,9 @@ impl<'a> Base<'a> {
             let bracket = (grid[k.max(1) - 1], grid[(k + 1).min(grid.len() - 1)]);
             (inner, score) = self.refine(effect, bracket, (inner, score))?;
         }
-        let parameters = (effect.width() + usize::from(effect.inner().is_some())) as f64;
+        let parameters = (effect.width()
+            + usize::from(effect.inner().is_some())
+            + usize::from(effect.shape().is_some())) as f64;
         let penalty = parameters * self.rows().ln() + 2.0 * (grid.len() as f64).ln();
         Ok(Some(Trial {
             effect,
@@ -150,10 +152,14 @@ impl<'a> Base<'a> {
         if let (Some(k), Some(term)) = (effect.inner(), model.terms.last_mut()) {
             term.parameters[k].value = Some(inner);
         }
+        let shape = effect.shape().map_or(0.0, |(_, start)| start);
+        if let (Some((k, start)), Some(term)) = (effect.shape(), model.terms.last_mut()) {
+            term.parameters[k].value = Some(start);
+        }
         let system = if effect.width() == 0 {
             System::new(&self.bench.problem, &model)?.whitened(&self.bench.noise)
         } else {
-            let columns = self.bench.problem.effect(effect, inner);
+            let columns = self.bench.problem.effect(effect, [inner, shape]);
             self.system.extended(self.model.terms.len(), &columns, |c| {
                 self.bench.noise.whiten(c)
             })

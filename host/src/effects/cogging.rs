@@ -17,7 +17,7 @@
 //! # References
 //! D. Hanselman, Brushless Permanent Magnet Motor Design, 2006, ch. 5.
 
-use super::{Confusion, Effect, Motion, Point, Quantity, Spec, Survey};
+use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Spec, Survey};
 
 pub(super) struct Cogging;
 
@@ -85,13 +85,13 @@ impl Effect for Cogging {
             }
         }
     }
-    fn basis(&self, inner: f64, at: Point, out: &mut [f64]) {
-        (out[0], out[1]) = (inner * at.angle).sin_cos();
+    fn basis(&self, inner: Inner, at: Point, out: &mut [f64]) {
+        (out[0], out[1]) = (inner[0] * at.angle).sin_cos();
     }
-    fn named(&self, inner: f64, c: &[f64], _coulomb: f64) -> Vec<f64> {
-        vec![c[0].hypot(c[1]), c[1].atan2(c[0]), inner]
+    fn named(&self, inner: Inner, c: &[f64], _coulomb: f64) -> Vec<f64> {
+        vec![c[0].hypot(c[1]), c[1].atan2(c[0]), inner[0]]
     }
-    fn linear(&self, p: &[f64], _coulomb: f64) -> (f64, Vec<f64>) {
-        (p[2], vec![p[0] * p[1].cos(), p[0] * p[1].sin()])
+    fn linear(&self, p: &[f64], _coulomb: f64) -> (Inner, Vec<f64>) {
+        ([p[2], 0.0], vec![p[0] * p[1].cos(), p[0] * p[1].sin()])
     }
 }

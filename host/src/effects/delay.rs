@@ -17,7 +17,7 @@
 //! # References
 //! K. J. Åström, B. Wittenmark, Computer-Controlled Systems, 1997, ch. 3 (delay under a zero-order hold).
 
-use super::{Confusion, Effect, Motion, Quantity, Spec, Survey};
+use super::{Confusion, Effect, Inner, Motion, Quantity, Spec, Survey};
 
 pub(super) struct Delay;
 
@@ -59,11 +59,11 @@ impl Effect for Delay {
         let most = survey.half_width.max(8.0 * survey.period);
         super::geometric(0.25 * survey.period, most, 24)
     }
-    fn named(&self, inner: f64, _c: &[f64], _coulomb: f64) -> Vec<f64> {
-        vec![inner]
+    fn named(&self, inner: Inner, _c: &[f64], _coulomb: f64) -> Vec<f64> {
+        vec![inner[0]]
     }
-    fn linear(&self, p: &[f64], _coulomb: f64) -> (f64, Vec<f64>) {
-        (p[0], Vec::new())
+    fn linear(&self, p: &[f64], _coulomb: f64) -> (Inner, Vec<f64>) {
+        ([p[0], 0.0], Vec::new())
     }
     fn admissible(&self, _c: &[f64]) -> bool {
         true

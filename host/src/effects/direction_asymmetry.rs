@@ -20,7 +20,7 @@
 //! # References
 //! A. Janot, M. Gautier, M. Brunot, Data Set and Reference Models of EMPS, 2019, eq. 1 (the offset).
 
-use super::{Confusion, Derived, Effect, Motion, Point, Quantity, Spec};
+use super::{Confusion, Derived, Effect, FREE, Inner, Motion, Point, Quantity, Spec};
 
 pub(super) struct DirectionAsymmetry;
 
@@ -53,14 +53,14 @@ impl Effect for DirectionAsymmetry {
             Quantity::Torque.unit(motion)
         )
     }
-    fn basis(&self, _inner: f64, _at: Point, out: &mut [f64]) {
+    fn basis(&self, _inner: Inner, _at: Point, out: &mut [f64]) {
         out[0] = 1.0;
     }
-    fn named(&self, _inner: f64, c: &[f64], _coulomb: f64) -> Vec<f64> {
+    fn named(&self, _inner: Inner, c: &[f64], _coulomb: f64) -> Vec<f64> {
         c.to_vec()
     }
-    fn linear(&self, p: &[f64], _coulomb: f64) -> (f64, Vec<f64>) {
-        (0.0, p.to_vec())
+    fn linear(&self, p: &[f64], _coulomb: f64) -> (Inner, Vec<f64>) {
+        (FREE, p.to_vec())
     }
     fn derived(&self) -> &'static [Derived] {
         const {

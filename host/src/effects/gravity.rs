@@ -17,7 +17,7 @@
 //! # References
 //! B. Siciliano et al., Robotics: Modelling, Planning and Control, 2009, ch. 7 (gravity terms).
 
-use super::{Confusion, Effect, Motion, Point, Quantity, Spec};
+use super::{Confusion, Effect, FREE, Inner, Motion, Point, Quantity, Spec};
 
 pub(super) struct Gravity;
 
@@ -66,13 +66,13 @@ impl Effect for Gravity {
     fn width(&self) -> usize {
         2
     }
-    fn basis(&self, _inner: f64, at: Point, out: &mut [f64]) {
+    fn basis(&self, _inner: Inner, at: Point, out: &mut [f64]) {
         (out[0], out[1]) = at.q.sin_cos();
     }
-    fn named(&self, _inner: f64, c: &[f64], _coulomb: f64) -> Vec<f64> {
+    fn named(&self, _inner: Inner, c: &[f64], _coulomb: f64) -> Vec<f64> {
         vec![c[0].hypot(c[1]), c[1].atan2(c[0])]
     }
-    fn linear(&self, p: &[f64], _coulomb: f64) -> (f64, Vec<f64>) {
-        (0.0, vec![p[0] * p[1].cos(), p[0] * p[1].sin()])
+    fn linear(&self, p: &[f64], _coulomb: f64) -> (Inner, Vec<f64>) {
+        (FREE, vec![p[0] * p[1].cos(), p[0] * p[1].sin()])
     }
 }

@@ -16,7 +16,7 @@
 //! # References
 //! G. Duffing, Erzwungene Schwingungen bei veränderlicher Eigenfrequenz, 1918.
 
-use super::{Confusion, Effect, Motion, Point, Quantity, Spec};
+use super::{Confusion, Effect, FREE, Inner, Motion, Point, Quantity, Spec};
 
 pub(super) struct HardeningSpring;
 
@@ -62,15 +62,15 @@ impl Effect for HardeningSpring {
     fn width(&self) -> usize {
         2
     }
-    fn basis(&self, _inner: f64, at: Point, out: &mut [f64]) {
+    fn basis(&self, _inner: Inner, at: Point, out: &mut [f64]) {
         out[0] = at.q;
         out[1] = at.q * at.q * at.q;
     }
-    fn named(&self, _inner: f64, c: &[f64], _coulomb: f64) -> Vec<f64> {
+    fn named(&self, _inner: Inner, c: &[f64], _coulomb: f64) -> Vec<f64> {
         c.to_vec()
     }
-    fn linear(&self, p: &[f64], _coulomb: f64) -> (f64, Vec<f64>) {
-        (0.0, p.to_vec())
+    fn linear(&self, p: &[f64], _coulomb: f64) -> (Inner, Vec<f64>) {
+        (FREE, p.to_vec())
     }
     fn admissible(&self, c: &[f64]) -> bool {
         c[1] > 0.0

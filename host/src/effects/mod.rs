@@ -146,6 +146,12 @@ pub struct Confusion {
     pub tell_apart_by: &'static str,
 }
 
+/// Parameters on which an effect depends nonlinearly: the scanned one and, where there is one, a shape.
+pub type Inner = [f64; 2];
+
+/// The inner parameters of an effect that has none.
+const FREE: Inner = [0.0; 2];
+
 /// One effect of the catalogue.
 pub trait Effect: Sync {
     /// The stable id.
@@ -169,20 +175,24 @@ pub trait Effect: Sync {
     fn width(&self) -> usize {
         1
     }
-    /// Which parameter is the inner one, if any.
+    /// Which parameter is the scanned one, if any.
     fn inner(&self) -> Option<usize> {
         None
     }
-    /// Values of the inner parameter to try, ascending; neighbours bracket an optimum.
+    /// Which parameter is a shape that is only refined, if any, and the value it starts from.
+    fn shape(&self) -> Option<(usize, f64)> {
+        None
+    }
+    /// Values of the scanned parameter to try, ascending; neighbours bracket an optimum.
     fn grid(&self, _survey: &Survey) -> Vec<f64> {
         vec![0.0]
     }
     /// The resisting torque of each unit coefficient, into `out` (length [`Effect::width`]).
-    fn basis(&self, _inner: f64, _at: Point, _out: &mut [f64]) {}
+    fn basis(&self, _inner: Inner, _at: Point, _out: &mut [f64]) {}
     /// Named parameters from the linear solution.
-    fn named(&self, inner: f64, coefficients: &[f64], coulomb: f64) -> Vec<f64>;
+    fn named(&self, inner: Inner, coefficients: &[f64], coulomb: f64) -> Vec<f64>;
     /// The linear solution from named parameters: inner parameter and coefficients.
-    fn linear(&self, parameters: &[f64], coulomb: f64) -> (f64, Vec<f64>);
+    fn linear(&self, parameters: &[f64], coulomb: f64) -> (Inner, Vec<f64>);
     /// Whether physics allows these coefficients.
     fn admissible(&self, _coefficients: &[f64]) -> bool {
         true
@@ -351,7 +361,11 @@ mod tests {
             let effect = find(id).unwrap();
             for v in [-2.0, -0.1, 0.1, 2.0_f64] {
                 let mut b = [0.0];
-                effect.basis(0.5, Point::new(Motion::Linear, 0.3, v, v.signum()), &mut b);
+                effect.basis(
+                    [0.5, 2.0],
+                    Point::new(Motion::Linear, 0.3, v, v.signum()),
+                    &mut b,
+                );
                 assert!(
                     b[0] * v > 0.0 && effect.applies(Motion::Linear),
                     "{id} at {v}"

@@ -19,7 +19,7 @@
 //! C. W. Kennedy, J. P. Desai, Modeling and control of the Mitsubishi PA-10 robot arm harmonic drive system,
 //! IEEE/ASME Trans. Mechatronics 10(3), 2005; W. Ostwald, A. de Waele, 1923 (power-law fluids).
 
-use super::{Confusion, Effect, Motion, Point, Quantity, Spec, Survey};
+use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Spec, Survey};
 
 /// Below, the curve is a Coulomb step within what a recording resolves; above, a viscous line.
 const EXPONENTS: (f64, f64) = (0.2, 0.85);
@@ -70,14 +70,14 @@ impl Effect for PowerLawViscous {
     fn grid(&self, _survey: &Survey) -> Vec<f64> {
         vec![0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.78, 0.85]
     }
-    fn basis(&self, inner: f64, at: Point, out: &mut [f64]) {
-        out[0] = at.s * at.v.abs().powf(inner);
+    fn basis(&self, inner: Inner, at: Point, out: &mut [f64]) {
+        out[0] = at.s * at.v.abs().powf(inner[0]);
     }
-    fn named(&self, inner: f64, c: &[f64], _coulomb: f64) -> Vec<f64> {
-        vec![c[0], inner]
+    fn named(&self, inner: Inner, c: &[f64], _coulomb: f64) -> Vec<f64> {
+        vec![c[0], inner[0]]
     }
-    fn linear(&self, p: &[f64], _coulomb: f64) -> (f64, Vec<f64>) {
-        (p[1], vec![p[0]])
+    fn linear(&self, p: &[f64], _coulomb: f64) -> (Inner, Vec<f64>) {
+        ([p[1], 0.0], vec![p[0]])
     }
     fn admissible(&self, c: &[f64]) -> bool {
         c[0] > 0.0

@@ -17,7 +17,7 @@
 //! # References
 //! B. Armstrong-Hélouvry, Control of Machines with Friction, 1991 (mass-spring system with friction).
 
-use super::{Confusion, Effect, Motion, Point, Quantity, Spec};
+use super::{Confusion, Effect, FREE, Inner, Motion, Point, Quantity, Spec};
 
 pub(super) struct Spring;
 
@@ -55,14 +55,14 @@ impl Effect for Spring {
             Quantity::Stiffness.unit(motion)
         )
     }
-    fn basis(&self, _inner: f64, at: Point, out: &mut [f64]) {
+    fn basis(&self, _inner: Inner, at: Point, out: &mut [f64]) {
         out[0] = at.q;
     }
-    fn named(&self, _inner: f64, c: &[f64], _coulomb: f64) -> Vec<f64> {
+    fn named(&self, _inner: Inner, c: &[f64], _coulomb: f64) -> Vec<f64> {
         c.to_vec()
     }
-    fn linear(&self, p: &[f64], _coulomb: f64) -> (f64, Vec<f64>) {
-        (0.0, p.to_vec())
+    fn linear(&self, p: &[f64], _coulomb: f64) -> (Inner, Vec<f64>) {
+        (FREE, p.to_vec())
     }
     fn admissible(&self, c: &[f64]) -> bool {
         c[0] > 0.0

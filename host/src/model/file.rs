@@ -151,15 +151,18 @@ fn friction(section: Option<&dyn TableLike>) -> std::result::Result<Friction, St
     };
     let mut keys = vec!["model", "coulomb", "viscous"];
     if law != Law::CoulombViscous {
-        keys.extend(["static", "stribeck_velocity"]);
+        keys.extend(["static", "stribeck_velocity", "exponent"]);
     }
     only(section, "[friction]", &keys)?;
     let get = |name| parameter(section, "friction", name).map(Option::unwrap_or_default);
     let mut terms = Vec::new();
     if law != Law::CoulombViscous {
+        // The law itself has the exponent 2; a file may say otherwise.
+        let exponent =
+            parameter(section, "friction", "exponent")?.unwrap_or_else(|| Parameter::known(2.0));
         terms.push(Term {
             effect: effects::find("stribeck").ok_or("the stribeck effect is not built in")?,
-            parameters: vec![get("static")?, get("stribeck_velocity")?],
+            parameters: vec![get("static")?, get("stribeck_velocity")?, exponent],
             in_law: true,
         });
     }
