@@ -1,5 +1,7 @@
 //! The equation of motion of a complete model, ready to be integrated.
 
+use std::cmp::Ordering;
+
 use bristle_core::friction::{CoulombViscous, Friction};
 
 use crate::effects::{Effect, Inner, Point};
@@ -56,12 +58,15 @@ impl Axis {
 
     /// Everything that resists motion at `q`, `v` while sliding in direction `s`, in N·m or N.
     pub fn resistance(&self, q: f64, v: f64, s: f64) -> f64 {
-        // At v = 0 the law is asked for the side that the axis is about to slide to.
-        let mut sum = if v == 0.0 {
-            s * self.law.break_away()
-        } else {
-            s * self.law.sliding(s * v)
+        // The branch of direction s goes on smoothly past v = 0, by reflection at the level it starts from: an
+        // integration step may look a little way beyond the standstill that it will be cut at.
+        let along = s * v;
+        let friction = match along.partial_cmp(&0.0).unwrap_or(Ordering::Equal) {
+            Ordering::Greater => self.law.sliding(along),
+            Ordering::Equal => self.law.break_away(),
+            Ordering::Less => 2.0 * self.law.break_away() - self.law.sliding(-along),
         };
+        let mut sum = s * friction;
         if self.terms.is_empty() {
             return sum;
         }

@@ -1,9 +1,10 @@
 //! Bristle on the host: recordings in, diagnosed and identified models out.
 //!
-//! Data goes one way: recording → weak-form rows → identify → diagnose → simulate → report. A module uses only
-//! those before it in that order.
+//! Data goes one way, and a module uses only those before it in this order:
+//! recordings and models → weak-form rows → identification → diagnosis → report → command line.
 
 pub mod axis;
+pub mod cli;
 pub mod diagnose;
 pub mod dictionary;
 pub mod effects;
@@ -15,7 +16,7 @@ pub mod model;
 pub mod noise;
 pub mod problem;
 pub mod recording;
+pub mod report;
 pub mod simulate;
 pub mod system;
 pub mod weak;
-// pub mod cli;

@@ -1,2 +1,7 @@
-//! x
-fn main() {}
+//! The `bristle` command.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    ExitCode::from(bristle::cli::run())
+}

@@ -68,7 +68,10 @@ impl Command {
             path: self.out.clone(),
             reason,
         })?;
-        let (recording, model) = (self.out.join("recording.csv"), self.out.join("baseline.toml"));
+        let (recording, model) = (
+            self.out.join("recording.csv"),
+            self.out.join("baseline.toml"),
+        );
         let mut outputs = Outputs::default();
         let text = record(self.seed)?;
         outputs.add(Some(&recording), || Ok(text))?;
@@ -80,7 +83,10 @@ impl Command {
             model.display()
         );
         let status = diagnose::Command::demo(recording, model, &self.out).run()?;
-        anstream::println!("\nOpen {} in a browser.", self.out.join("report.html").display());
+        anstream::println!(
+            "\nOpen {} in a browser.",
+            self.out.join("report.html").display()
+        );
         Ok(status)
     }
 }

@@ -53,21 +53,33 @@ impl Command {
     }
 
     fn diagnose(&self) -> crate::error::Result<Verdict> {
-        let mut inputs: Vec<&std::path::Path> = self.recordings.iter().map(PathBuf::as_path).collect();
+        let mut inputs: Vec<&std::path::Path> =
+            self.recordings.iter().map(PathBuf::as_path).collect();
         inputs.push(&self.model);
-        output::check(&inputs, &[self.model_out.as_ref(), self.json.as_ref(), self.report.as_ref()])?;
+        output::check(
+            &inputs,
+            &[
+                self.model_out.as_ref(),
+                self.json.as_ref(),
+                self.report.as_ref(),
+            ],
+        )?;
         let progress = terminal::progress();
         progress.set_message("reading");
         let model = Model::read(&self.model)?;
         let recordings = read_all(&self.recordings, &model)?;
         progress.set_message("fitting the baseline");
         let (bench, baseline) = identify(&recordings, &model)?;
-        let outcome = diagnose(&bench, &baseline, &recordings, &|what| progress.set_message(what.to_owned()))?;
+        let outcome = diagnose(&bench, &baseline, &recordings, &|what| {
+            progress.set_message(what.to_owned())
+        })?;
         progress.set_message("writing");
         let mut outputs = Outputs::default();
         outputs.add(self.model_out.as_ref(), || Ok(outcome.after.to_toml()))?;
         outputs.add(self.json.as_ref(), || json(&outcome.diagnosis))?;
-        outputs.add(self.report.as_ref(), || report::diagnosis(&outcome, &bench, &recordings))?;
+        outputs.add(self.report.as_ref(), || {
+            report::diagnosis(&outcome, &bench, &recordings)
+        })?;
         let written = outputs.write()?;
         progress.finish_and_clear();
         terminal::diagnosis(&outcome.diagnosis);
@@ -90,7 +102,10 @@ impl Command {
 
 /// Reads all recordings of an axis.
 pub(super) fn read_all(paths: &[PathBuf], model: &Model) -> crate::error::Result<Vec<Recording>> {
-    paths.iter().map(|path| Recording::read(path, &model.columns, model.motion)).collect()
+    paths
+        .iter()
+        .map(|path| Recording::read(path, &model.columns, model.motion))
+        .collect()
 }
 
 /// Pretty JSON with a final line break.

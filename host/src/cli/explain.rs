@@ -52,9 +52,16 @@ fn explain(id: &str) -> Result<String, Error> {
             planned.summary
         ));
     }
-    let every = effects::ALL.iter().map(|e| e.id()).chain(effects::PLANNED.iter().map(|p| p.id));
+    let every = effects::ALL
+        .iter()
+        .map(|e| e.id())
+        .chain(effects::PLANNED.iter().map(|p| p.id));
     let close: Vec<&str> = every.filter(|known| related(known, id)).collect();
-    let hint = if close.is_empty() { "bristle explain lists them all".to_owned() } else { format!("did you mean {}?", close.join(" or ")) };
+    let hint = if close.is_empty() {
+        "bristle explain lists them all".to_owned()
+    } else {
+        format!("did you mean {}?", close.join(" or "))
+    };
     Err(Error::Usage(format!("there is no effect {id:?}; {hint}")))
 }
 
@@ -62,7 +69,10 @@ fn explain(id: &str) -> Result<String, Error> {
 fn related(known: &str, asked: &str) -> bool {
     let asked = asked.to_lowercase().replace('_', "-");
     let begins = asked.len() >= 3 && known.starts_with(&asked[..asked.floor_char_boundary(3)]);
-    begins || asked.split('-').any(|word| word.len() >= 4 && known.contains(word))
+    begins
+        || asked
+            .split('-')
+            .any(|word| word.len() >= 4 && known.contains(word))
 }
 
 /// The effect's own documentation, its headings in bold, followed by its parameters.
@@ -76,13 +86,21 @@ fn page(effect: &dyn Effect) -> String {
             None => writeln!(text, "{line}"),
         };
     }
-    let _ = writeln!(text, "\n{bold}Parameters{bold:#} (in the model file under [effects.{}])", effect.id());
+    let _ = writeln!(
+        text,
+        "\n{bold}Parameters{bold:#} (in the model file under [effects.{}])",
+        effect.id()
+    );
     for spec in effect.parameters() {
         let (rotary, linear) = (
             spec.quantity.unit(crate::model::Motion::Rotary),
             spec.quantity.unit(crate::model::Motion::Linear),
         );
-        let unit = if rotary == linear { rotary.to_owned() } else { format!("{rotary} or {linear}") };
+        let unit = if rotary == linear {
+            rotary.to_owned()
+        } else {
+            format!("{rotary} or {linear}")
+        };
         let _ = writeln!(text, "{}, {unit}", spec.name);
     }
     text

@@ -54,7 +54,14 @@ impl Command {
     pub fn run(&self) -> Outcome {
         let mut inputs: Vec<&Path> = self.recordings.iter().map(PathBuf::as_path).collect();
         inputs.push(&self.model);
-        output::check(&inputs, &[self.model_out.as_ref(), self.json.as_ref(), self.report.as_ref()])?;
+        output::check(
+            &inputs,
+            &[
+                self.model_out.as_ref(),
+                self.json.as_ref(),
+                self.report.as_ref(),
+            ],
+        )?;
         let progress = terminal::progress();
         progress.set_message("reading");
         let model = Model::read(&self.model)?;
@@ -66,13 +73,20 @@ impl Command {
             schema: "bristle.identification/1",
             parameters: estimates(&identified.model, None),
             fit: identified.fit,
-            half_width: problem.windows.iter().zip(&problem.tracks).map(|(w, t)| w.reach as f64 * t.period).collect(),
+            half_width: problem
+                .windows
+                .iter()
+                .zip(&problem.tracks)
+                .map(|(w, t)| w.reach as f64 * t.period)
+                .collect(),
             rows: problem.rows.len(),
         };
         let mut outputs = Outputs::default();
         outputs.add(self.model_out.as_ref(), || Ok(identified.model.to_toml()))?;
         outputs.add(self.json.as_ref(), || json(&identification))?;
-        outputs.add(self.report.as_ref(), || report::identification(&identified, &bench, &recordings))?;
+        outputs.add(self.report.as_ref(), || {
+            report::identification(&identified, &bench, &recordings)
+        })?;
         let written = outputs.write()?;
         progress.finish_and_clear();
         terminal::identification(&identification.parameters, &identification.fit);

@@ -15,7 +15,11 @@ pub(super) struct Outputs {
 
 impl Outputs {
     /// Plans a file, if a path was given.
-    pub fn add(&mut self, path: Option<&PathBuf>, content: impl FnOnce() -> Result<String>) -> Result<()> {
+    pub fn add(
+        &mut self,
+        path: Option<&PathBuf>,
+        content: impl FnOnce() -> Result<String>,
+    ) -> Result<()> {
         if let Some(path) = path {
             self.files.push((path.clone(), content()?));
         }
@@ -30,7 +34,10 @@ impl Outputs {
                 path: path.clone(),
                 reason,
             };
-            let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+            let folder = path
+                .parent()
+                .filter(|p| !p.as_os_str().is_empty())
+                .unwrap_or(Path::new("."));
             let mut file = NamedTempFile::new_in(folder).map_err(unwritable)?;
             file.write_all(content.as_bytes()).map_err(unwritable)?;
             readable_by_others(&file);
@@ -40,7 +47,10 @@ impl Outputs {
             .into_iter()
             .map(|(path, file)| match file.persist(&path) {
                 Ok(_) => Ok(path),
-                Err(e) => Err(Error::Unwritable { path, reason: e.error }),
+                Err(e) => Err(Error::Unwritable {
+                    path,
+                    reason: e.error,
+                }),
             })
             .collect()
     }
@@ -50,7 +60,9 @@ impl Outputs {
 #[cfg(unix)]
 fn readable_by_others(file: &NamedTempFile) {
     use std::os::unix::fs::PermissionsExt;
-    let _ = file.as_file().set_permissions(std::fs::Permissions::from_mode(0o644));
+    let _ = file
+        .as_file()
+        .set_permissions(std::fs::Permissions::from_mode(0o644));
 }
 
 #[cfg(not(unix))]
@@ -58,14 +70,22 @@ fn readable_by_others(_file: &NamedTempFile) {}
 
 /// Refuses outputs that would overwrite an input or each other.
 pub(super) fn check(inputs: &[&Path], outputs: &[Option<&PathBuf>]) -> Result<()> {
-    let same = |a: &Path, b: &Path| a == b || matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b);
+    let same = |a: &Path, b: &Path| {
+        a == b || matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
+    };
     let outputs: Vec<&PathBuf> = outputs.iter().flatten().copied().collect();
     for (k, output) in outputs.iter().enumerate() {
         if inputs.iter().any(|input| same(input, output)) {
-            return Err(Error::Usage(format!("{} is an input; choose another name for the output", output.display())));
+            return Err(Error::Usage(format!(
+                "{} is an input; choose another name for the output",
+                output.display()
+            )));
         }
         if outputs[..k].iter().any(|other| same(other, output)) {
-            return Err(Error::Usage(format!("{} is named for two outputs; give each its own name", output.display())));
+            return Err(Error::Usage(format!(
+                "{} is named for two outputs; give each its own name",
+                output.display()
+            )));
         }
     }
     Ok(())

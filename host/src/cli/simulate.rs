@@ -42,7 +42,9 @@ impl Command {
         output::check(&[&self.input as &Path, &self.model], &[Some(&self.out)])?;
         let horizon = self.horizon.unwrap_or(f64::INFINITY);
         if horizon.is_nan() || horizon <= 0.0 {
-            return Err(Error::Usage(format!("--horizon {horizon} must be a positive number of seconds")));
+            return Err(Error::Usage(format!(
+                "--horizon {horizon} must be a positive number of seconds"
+            )));
         }
         let model = Model::read(&self.model)?;
         let axis = Axis::new(&model)?;
@@ -58,13 +60,21 @@ impl Command {
 fn predict(model: &Model, axis: &Axis, recording: &Recording, horizon: f64) -> Result<String> {
     let track = Track::new(recording, model.motion);
     let (states, u): (Vec<State>, Vec<f64>) = match model.causality {
-        Causality::Forward => (fit::predict(axis, recording, &track, horizon, 0, recording.len()), recording.u.clone()),
+        Causality::Forward => (
+            fit::predict(axis, recording, &track, horizon, 0, recording.len()),
+            recording.u.clone(),
+        ),
         Causality::Inverse => {
-            let states = (0..recording.len()).map(|k| fit::measured_state(recording, &track, k)).collect();
+            let states = (0..recording.len())
+                .map(|k| fit::measured_state(recording, &track, k))
+                .collect();
             (states, fit::inverse(axis, recording, &track))
         }
     };
-    if let Some(k) = states.iter().position(|s| !(s.q.is_finite() && s.v.is_finite())) {
+    if let Some(k) = states
+        .iter()
+        .position(|s| !(s.q.is_finite() && s.v.is_finite()))
+    {
         return Err(Error::Usage(format!(
             "the model runs away: its state is no longer finite at t = {} s; check the signs and sizes of its parameters, or use --horizon",
             recording.t[k]

@@ -16,7 +16,9 @@ const BOLD: Style = Style::new().bold();
 const DIM: Style = Style::new().dimmed();
 
 fn colour(colour: AnsiColor) -> Style {
-    Style::new().bold().fg_color(Some(anstyle::Color::Ansi(colour)))
+    Style::new()
+        .bold()
+        .fg_color(Some(anstyle::Color::Ansi(colour)))
 }
 
 /// A spinner on the error stream; silent when that is not a terminal.
@@ -24,7 +26,8 @@ pub(super) fn progress() -> ProgressBar {
     if !std::io::stderr().is_terminal() {
         return ProgressBar::hidden();
     }
-    let style = ProgressStyle::with_template("{spinner} {msg} {elapsed:.dim}").unwrap_or_else(|_| ProgressStyle::default_spinner());
+    let style = ProgressStyle::with_template("{spinner} {msg} {elapsed:.dim}")
+        .unwrap_or_else(|_| ProgressStyle::default_spinner());
     let bar = ProgressBar::new_spinner().with_style(style);
     bar.enable_steady_tick(Duration::from_millis(100));
     bar
@@ -38,7 +41,11 @@ pub(super) fn error(error: &Error) {
 
 /// `12.34 ± 0.05 N*m`, the error with two digits and the value as far.
 pub(super) fn value(estimate: &Estimate) -> String {
-    let unit = if estimate.unit == "1" { String::new() } else { format!(" {}", estimate.unit) };
+    let unit = if estimate.unit == "1" {
+        String::new()
+    } else {
+        format!(" {}", estimate.unit)
+    };
     match estimate.se.filter(|se| *se > 0.0 && se.is_finite()) {
         None => format!("{}{unit}", significant(estimate.value, 5)),
         Some(se) => {
@@ -49,7 +56,11 @@ pub(super) fn value(estimate: &Estimate) -> String {
             } else {
                 let scale = 10f64.powi(exponent);
                 let digits = (1 - (se / scale).log10().floor() as i32).max(0) as usize;
-                format!("({:.digits$} ± {:.digits$})e{exponent}{unit}", estimate.value / scale, se / scale)
+                format!(
+                    "({:.digits$} ± {:.digits$})e{exponent}{unit}",
+                    estimate.value / scale,
+                    se / scale
+                )
             }
         }
     }
@@ -63,7 +74,11 @@ fn significant(value: f64, digits: i32) -> String {
     if (-4..7).contains(&exponent) {
         let decimals = (digits - 1 - exponent).max(0) as usize;
         let text = format!("{value:.decimals$}");
-        if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+        if text.contains('.') {
+            text.trim_end_matches('0').trim_end_matches('.').to_owned()
+        } else {
+            text
+        }
     } else {
         format!("{value:.*e}", (digits - 1) as usize)
     }
@@ -72,8 +87,16 @@ fn significant(value: f64, digits: i32) -> String {
 fn table(out: &mut String, estimates: &Estimates) {
     let width = estimates.keys().map(String::len).max().unwrap_or(0);
     for (name, estimate) in estimates {
-        let given = if estimate.se.is_none() { "  (given)" } else { "" };
-        let _ = writeln!(out, "  {name:<width$}  {}{DIM}{given}{DIM:#}", value(estimate));
+        let given = if estimate.se.is_none() {
+            "  (given)"
+        } else {
+            ""
+        };
+        let _ = writeln!(
+            out,
+            "  {name:<width$}  {}{DIM}{given}{DIM:#}",
+            value(estimate)
+        );
     }
 }
 
@@ -106,7 +129,11 @@ pub(super) fn diagnosis(diagnosis: &Diagnosis) {
         show_finding(&mut out, k + 1, finding);
     }
     if let Some(unexplained) = &diagnosis.unexplained {
-        let _ = writeln!(out, "\n{BOLD}Unexplained{BOLD:#}: generic functions take away {:.0} % of the squared error that is left:", 100.0 * unexplained.gain);
+        let _ = writeln!(
+            out,
+            "\n{BOLD}Unexplained{BOLD:#}: generic functions take away {:.0} % of the squared error that is left:",
+            100.0 * unexplained.gain
+        );
         for (coordinate, gain) in &unexplained.coordinates {
             let _ = writeln!(out, "  of {coordinate}: {:.0} %", 100.0 * gain.max(0.0));
         }
@@ -140,7 +167,11 @@ fn show_finding(out: &mut String, number: usize, finding: &Finding) {
     let _ = writeln!(out, "  {}", finding.text);
     table(out, &finding.parameters);
     for rival in &finding.rivals {
-        let _ = writeln!(out, "  {DIM}rival {}: {}{DIM:#}", rival.id, rival.tell_apart_by);
+        let _ = writeln!(
+            out,
+            "  {DIM}rival {}: {}{DIM:#}",
+            rival.id, rival.tell_apart_by
+        );
     }
 }
 
@@ -157,14 +188,21 @@ mod tests {
     use crate::diagnose::Estimate;
 
     fn shown(v: f64, se: Option<f64>) -> String {
-        value(&Estimate { value: v, se, unit: "N*m" })
+        value(&Estimate {
+            value: v,
+            se,
+            unit: "N*m",
+        })
     }
 
     #[test]
     fn the_error_decides_the_digits() {
         assert_eq!(shown(95.1089, Some(0.2345)), "95.11 ± 0.23 N*m");
         assert_eq!(shown(203.5, Some(12.0)), "204 ± 12 N*m");
-        assert_eq!(shown(0.000_012_34, Some(0.000_000_21)), "(1.234 ± 0.021)e-5 N*m");
+        assert_eq!(
+            shown(0.000_012_34, Some(0.000_000_21)),
+            "(1.234 ± 0.021)e-5 N*m"
+        );
         assert_eq!(shown(35.150_65, None), "35.151 N*m");
     }
 

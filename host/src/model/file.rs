@@ -96,14 +96,14 @@ impl Model {
     pub fn to_toml(&self) -> String {
         let mut document = self.document.clone();
         let plant = table(&mut document, "plant");
-        plant.insert("gain", self.gain.to_toml());
-        plant.insert("inertia", self.inertia.to_toml());
+        put(plant, "gain", self.gain.to_toml());
+        put(plant, "inertia", self.inertia.to_toml());
         let friction = table(&mut document, "friction");
         if !friction.contains_key("model") {
             friction.insert("model", value("coulomb-viscous"));
         }
-        friction.insert("coulomb", self.coulomb.to_toml());
-        friction.insert("viscous", self.viscous.to_toml());
+        put(friction, "coulomb", self.coulomb.to_toml());
+        put(friction, "viscous", self.viscous.to_toml());
         for term in &self.terms {
             let section = if term.in_law {
                 table(&mut document, "friction")
@@ -113,7 +113,7 @@ impl Model {
                 subtable(effects, term.effect.id())
             };
             for (spec, parameter) in term.effect.parameters().iter().zip(&term.parameters) {
-                section.insert(spec.name, parameter.to_toml());
+                put(section, spec.name, parameter.to_toml());
             }
         }
         document.to_string()
@@ -203,10 +203,17 @@ fn term(effect: &'static dyn Effect, table: &dyn TableLike) -> std::result::Resu
     let section = format!("effects.{}", effect.id());
     let names: Vec<&str> = effect.parameters().iter().map(|s| s.name).collect();
     only(table, &format!("[{section}]"), &names)?;
-    let parameters = names
+    let mut parameters = names
         .iter()
         .map(|name| parameter(table, &section, name).map(Option::unwrap_or_default))
-        .collect::<std::result::Result<_, _>>()?;
+        .collect::<std::result::Result<Vec<_>, _>>()?;
+    // A shape left out beside given numbers has the textbook value.
+    if let Some((shape, textbook)) = effect.shape()
+        && !table.contains_key(names[shape])
+        && parameters.iter().any(|p| p.known)
+    {
+        parameters[shape] = Parameter::known(textbook);
+    }
     Ok(Term {
         effect,
         parameters,
@@ -297,6 +304,15 @@ fn only(table: &dyn TableLike, place: &str, allowed: &[&str]) -> std::result::Re
             allowed.join(", ")
         )),
     }
+}
+
+/// Sets a value; a comment beside the one it replaces stays.
+fn put(table: &mut Table, key: &str, mut item: Item) {
+    let before = table.get(key).and_then(Item::as_value);
+    if let (Some(before), Some(new)) = (before.cloned(), item.as_value_mut()) {
+        *new.decor_mut() = before.decor().clone();
+    }
+    table.insert(key, item);
 }
 
 fn table<'a>(document: &'a mut DocumentMut, name: &str) -> &'a mut Table {

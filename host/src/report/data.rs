@@ -1,0 +1,384 @@
+//! Assembles the page from a diagnosis or an identification.
+
+use super::findings;
+use super::format::{estimate, percent, scaled_unit, significant, value, with_unit};
+use super::page::{Figure, Item, Page, Section, Table, Verdict};
+use super::rows::{Rows, friction_section, residual_section};
+use super::runs;
+use super::spread::{Block, Spread};
+use super::subject::{Judged, Prediction, Subject};
+use crate::diagnose::{Estimate, Outcome};
+use crate::error::Result;
+use crate::fit::HORIZON;
+use crate::identify::{Identified, Workbench};
+use crate::model::Model;
+use crate::problem::Response;
+use crate::recording::Recording;
+use crate::weak::{Part, TRAIN_SHARE};
+
+/// Standard errors of the error figures of both parts.
+struct Spreads {
+    train: Spread,
+    held_out: Spread,
+}
+
+/// The page of a diagnosis.
+pub(super) fn diagnosis(
+    outcome: &Outcome,
+    bench: &Workbench,
+    recordings: &[Recording],
+) -> Result<Page> {
+    let diagnosis = &outcome.diagnosis;
+    let changed = !diagnosis.findings.is_empty();
+    let subject = Subject {
+        bench,
+        recordings,
+        before: changed.then_some(Judged {
+            model: &outcome.before,
+            fit: diagnosis.fit.before,
+        }),
+        after: Judged {
+            model: &outcome.after,
+            fit: diagnosis.fit.after,
+        },
+    };
+    let predictions = predictions(&subject)?;
+    let spreads = Spreads::of(&subject, &predictions);
+    let rows = Rows::new(&subject);
+    let word = format!("{:?}", diagnosis.verdict).to_lowercase();
+    // An adequate model leaves noise: a region of noise would mislead.
+    let place = (word != "adequate").then_some(&diagnosis.place);
+    Ok(Page {
+        title: format!("Diagnosis of {}", named(&outcome.after)),
+        facts: facts(&subject),
+        verdict: Some(Verdict {
+            word,
+            text: diagnosis.text.clone(),
+        }),
+        figures: figures(&subject, &spreads),
+        figures_note: figures_note(&subject, &predictions),
+        sections: vec![
+            runs::section(&subject, &predictions)?,
+            residual_section(&subject, &rows, place),
+            friction_section(&subject, &rows)?,
+            findings::section(diagnosis, &spreads.held_out),
+            findings::next_experiment(&subject, diagnosis),
+            parameters(&subject),
+            errors(&subject, &spreads),
+            method(&subject),
+        ],
+    })
+}
+
+/// The page of an identification.
+pub(super) fn identification(
+    identified: &Identified,
+    bench: &Workbench,
+    recordings: &[Recording],
+) -> Result<Page> {
+    let subject = Subject {
+        bench,
+        recordings,
+        before: None,
+        after: Judged {
+            model: &identified.model,
+            fit: identified.fit,
+        },
+    };
+    let predictions = predictions(&subject)?;
+    let spreads = Spreads::of(&subject, &predictions);
+    let rows = Rows::new(&subject);
+    Ok(Page {
+        title: format!("Identification of {}", named(&identified.model)),
+        facts: facts(&subject),
+        verdict: None,
+        figures: figures(&subject, &spreads),
+        figures_note: figures_note(&subject, &predictions),
+        sections: vec![
+            parameters(&subject),
+            runs::section(&subject, &predictions)?,
+            residual_section(&subject, &rows, None),
+            friction_section(&subject, &rows)?,
+            errors(&subject, &spreads),
+            method(&subject),
+        ],
+    })
+}
+
+fn predictions(subject: &Subject) -> Result<Vec<Prediction>> {
+    (0..subject.recordings.len())
+        .map(|index| subject.predict(index))
+        .collect()
+}
+
+impl Spreads {
+    fn of(subject: &Subject, predictions: &[Prediction]) -> Self {
+        let part = |held_out: bool| {
+            let blocks: Vec<Block> = predictions
+                .iter()
+                .flat_map(|p| Block::of(p, held_out, subject.inverse()))
+                .collect();
+            Spread::of(&blocks)
+        };
+        Self {
+            train: part(false),
+            held_out: part(true),
+        }
+    }
+}
+
+fn named(model: &Model) -> &str {
+    if model.name.is_empty() {
+        "an axis without a name"
+    } else {
+        &model.name
+    }
+}
+
+fn facts(subject: &Subject) -> Vec<[String; 2]> {
+    let model = subject.after.model;
+    let mut facts = vec![[
+        "Model".to_owned(),
+        format!(
+            "{} ({} motion, u is a {})",
+            named(model),
+            model.motion.as_str(),
+            model.input
+        ),
+    ]];
+    for recording in subject.recordings {
+        let n = recording.len();
+        let duration = recording.t[n - 1] - recording.t[0];
+        facts.push([
+            "Recording".to_owned(),
+            format!(
+                "{}: {n} samples over {} s ({} Hz)",
+                recording.file_name(),
+                significant(duration, 4),
+                significant((n - 1) as f64 / duration, 4)
+            ),
+        ]);
+    }
+    facts
+}
+
+fn figures(subject: &Subject, spreads: &Spreads) -> Vec<Figure> {
+    let (name, si) = subject.compared();
+    let (held_out, after) = (&spreads.held_out, subject.after.fit);
+    let before = subject.before.map(|b| b.fit);
+    let (factor, unit) = scaled_unit(before.unwrap_or(after).held_out.rmse, si);
+    let rms =
+        |x: f64, se: Option<f64>| with_unit(&value(factor * x, se.map(|se| factor * se)), &unit);
+    let what = if subject.inverse() {
+        name.to_owned()
+    } else {
+        format!("{name}, 1 s windows")
+    };
+    let mut figures = vec![Figure {
+        label: "Held-out NRMSE".to_owned(),
+        before: before.map(|b| percent(b.held_out.nrmse, held_out.nrmse_before)),
+        after: percent(after.held_out.nrmse, held_out.nrmse_after),
+        note: if subject.inverse() {
+            "error of u over RMS of u"
+        } else {
+            "error over measured motion, 1 s windows"
+        }
+        .to_owned(),
+    }];
+    if let Some(before) = before {
+        let ratio = before.held_out.nrmse / after.held_out.nrmse;
+        figures.push(Figure {
+            label: "Improvement".to_owned(),
+            before: None,
+            after: with_unit(&value(ratio, held_out.factor), "times"),
+            note: "held-out NRMSE before over after".to_owned(),
+        });
+    }
+    figures.push(Figure {
+        label: "Held-out RMS error".to_owned(),
+        before: before.map(|b| rms(b.held_out.rmse, held_out.rmse_before)),
+        after: rms(after.held_out.rmse, held_out.rmse_after),
+        note: what,
+    });
+    if !subject.inverse() {
+        let (factor, unit) = scaled_unit(before.unwrap_or(after).free_run_rmse, si);
+        let whole = |x: f64| format!("{} {unit}", significant(factor * x, 3));
+        figures.push(Figure {
+            label: "Whole-run RMS error".to_owned(),
+            before: before.map(|b| whole(b.free_run_rmse)),
+            after: whole(after.free_run_rmse),
+            note: format!("{name}, one free run over each recording, never restarted"),
+        });
+    }
+    figures
+}
+
+fn figures_note(subject: &Subject, predictions: &[Prediction]) -> String {
+    let count: usize = predictions
+        .iter()
+        .map(|p| p.windows.iter().filter(|w| w.start >= p.boundary).count())
+        .sum();
+    let whole = if subject.inverse() {
+        ""
+    } else {
+        " A whole run is a single sample, so its error carries none."
+    };
+    format!(
+        "± is one standard error, from the scatter between the {count} held-out windows (jackknife).{whole}"
+    )
+}
+
+/// All parameters, baseline beside final model.
+fn parameters(subject: &Subject) -> Section {
+    let cells = |model: &Model| -> Vec<(String, String)> {
+        let labels = model.labels();
+        let named = labels.iter().map(|l| {
+            l.effect
+                .map_or_else(|| l.name.to_owned(), |id| format!("{id}: {}", l.name))
+        });
+        let values = labels.iter().zip(model.parameters()).map(|(label, p)| {
+            estimate(&Estimate {
+                value: p.value.unwrap_or(f64::NAN),
+                se: if p.known {
+                    None
+                } else {
+                    Some(p.se.unwrap_or(f64::NAN))
+                },
+                unit: label.unit,
+            })
+        });
+        named.zip(values).collect()
+    };
+    let after = cells(subject.after.model);
+    let before = subject.before.map(|b| cells(b.model));
+    let mut columns = vec!["Parameter".to_owned()];
+    if before.is_some() {
+        columns.push("Baseline".to_owned());
+    }
+    columns.push(
+        if before.is_some() {
+            "Final model"
+        } else {
+            "Value"
+        }
+        .to_owned(),
+    );
+    let rows = after.into_iter().map(|(name, value)| {
+        let mut row = vec![name.clone()];
+        if let Some(before) = &before {
+            let old = before
+                .iter()
+                .find(|(n, _)| *n == name)
+                .map_or("–", |(_, v)| v);
+            row.push(old.to_owned());
+        }
+        row.push(value);
+        row
+    });
+    Section {
+        title: "Parameters".to_owned(),
+        items: vec![Item::Table(Table {
+            columns,
+            rows: rows.collect(),
+        })],
+    }
+}
+
+/// Prediction errors of both parts.
+fn errors(subject: &Subject, spreads: &Spreads) -> Section {
+    let (_, si) = subject.compared();
+    let mut columns = vec![String::new()];
+    let mut rows = vec![
+        vec!["Training part, NRMSE".to_owned()],
+        vec!["Training part, RMS error".to_owned()],
+        vec!["Held-out part, NRMSE".to_owned()],
+        vec!["Held-out part, RMS error".to_owned()],
+    ];
+    let (train, held_out) = (&spreads.train, &spreads.held_out);
+    let models = [
+        subject.before.map(|b| {
+            (
+                "Baseline",
+                b.fit,
+                [
+                    train.nrmse_before,
+                    train.rmse_before,
+                    held_out.nrmse_before,
+                    held_out.rmse_before,
+                ],
+            )
+        }),
+        Some((
+            if subject.before.is_some() {
+                "Final model"
+            } else {
+                "Model"
+            },
+            subject.after.fit,
+            [
+                train.nrmse_after,
+                train.rmse_after,
+                held_out.nrmse_after,
+                held_out.rmse_after,
+            ],
+        )),
+    ];
+    for (name, fit, se) in models.into_iter().flatten() {
+        columns.push(name.to_owned());
+        let rms = |x: f64, se: Option<f64>| {
+            let (factor, unit) = scaled_unit(x, si);
+            with_unit(&value(factor * x, se.map(|se| factor * se)), &unit)
+        };
+        rows[0].push(percent(fit.train.nrmse, se[0]));
+        rows[1].push(rms(fit.train.rmse, se[1]));
+        rows[2].push(percent(fit.held_out.nrmse, se[2]));
+        rows[3].push(rms(fit.held_out.rmse, se[3]));
+    }
+    Section {
+        title: "Prediction errors".to_owned(),
+        items: vec![Item::Table(Table { columns, rows })],
+    }
+}
+
+/// How the numbers came about.
+fn method(subject: &Subject) -> Section {
+    let problem = &subject.bench.problem;
+    let mut widths: Vec<String> = problem
+        .windows
+        .iter()
+        .zip(&problem.tracks)
+        .map(|(w, t)| significant(w.reach as f64 * t.period, 3))
+        .collect();
+    widths.dedup();
+    let side = match problem.response {
+        Response::Acceleration => "acceleration",
+        Response::Force => "the driving torque or force",
+    };
+    let nrmse = if subject.inverse() {
+        "NRMSE: RMS error of u, as the model asks for it along the measured motion, over the RMS of u.".to_owned()
+    } else {
+        format!(
+            "NRMSE: the model runs on u alone over windows of {HORIZON:.0} s, each from the measured state; RMS error of the change inside the windows over the RMS of the measured change."
+        )
+    };
+    Section {
+        title: "Method".to_owned(),
+        items: vec![Item::List {
+            points: vec![
+                format!(
+                    "Weak form (distribution-based identification): each row is the equation of motion under a smooth window of half-width {} s. {} rows of the first {:.0} % of each recording were fitted, {} rows of the rest were held out; rows at standstill are left out. The response of the fit is {side}.",
+                    widths.join(" s, "),
+                    problem.count(Part::Train),
+                    100.0 * TRAIN_SHARE,
+                    problem.count(Part::HeldOut),
+                ),
+                nrmse,
+                "Errors of parameters: one standard error of the joint fit, the larger of the model-based one and of a block sandwich estimate (Liang and Zeger 1986), which stays valid where the model is not exact. Values marked as given were not estimated.".to_owned(),
+                "ΔBIC: fall of the Bayesian information criterion through the effect; above 10 counts as very strong (Kass and Raftery 1995). Confidence: probability that the effect, and none of its rivals, is the right name. Neither is measured, so neither carries an error.".to_owned(),
+                "Residual: weighted mean, over each window, of the torque or force that the model lacks; positive drives the axis in the positive direction.".to_owned(),
+                "Long series are thinned for drawing; the smallest and the largest value of each stretch are kept.".to_owned(),
+                format!("Written by Bristle {}.", env!("CARGO_PKG_VERSION")),
+            ],
+        }],
+    }
+}

@@ -1,0 +1,283 @@
+//! What was found, what stays unexplained, and the experiment to do next.
+
+use super::format::{estimate, percent, significant};
+use super::page::{Item, Section, Table};
+use super::spread::Spread;
+use super::subject::Subject;
+use crate::diagnose::{Diagnosis, Finding, Unexplained, Verdict};
+use crate::effects;
+use crate::model::Motion;
+
+/// The findings with their evidence and rivals, and what stays unexplained.
+pub(super) fn section(diagnosis: &Diagnosis, held_out: &Spread) -> Section {
+    let mut items = Vec::new();
+    if diagnosis.findings.is_empty() {
+        items.push(Item::text(match diagnosis.verdict {
+            Verdict::Unknown => "No effect of the catalogue explains the mismatch.",
+            _ => "None: no effect of the catalogue lowers the error by more than chance and a practical floor allow.",
+        }));
+    } else {
+        items.push(overview(diagnosis, held_out));
+        for (k, finding) in diagnosis.findings.iter().enumerate() {
+            items.extend(details(k + 1, finding));
+        }
+    }
+    match (&diagnosis.unexplained, diagnosis.verdict) {
+        (Some(unexplained), _) => items.extend(leftover(unexplained, true)),
+        (None, _) => items.extend(leftover(&diagnosis.leftover, false)),
+    }
+    Section {
+        title: "Findings".to_owned(),
+        items,
+    }
+}
+
+fn overview(diagnosis: &Diagnosis, held_out: &Spread) -> Item {
+    let last = diagnosis.findings.len() - 1;
+    let rows = diagnosis.findings.iter().enumerate().map(|(k, f)| {
+        // The spread between windows is that of the final model; models on the way to it have no predictions here.
+        let se = held_out.nrmse_after.filter(|_| k == last);
+        vec![
+            (k + 1).to_string(),
+            f.name.to_owned(),
+            f.id.to_owned(),
+            format!("{:.2}", f.confidence),
+            share(f.evidence.share_of_residual),
+            significant(f.evidence.delta_bic, 4),
+            percent(f.fit.held_out.nrmse, se),
+        ]
+    });
+    let titles = [
+        "",
+        "Effect",
+        "Id",
+        "Confidence (0 to 1)",
+        "Share of the squared error",
+        "ΔBIC",
+        "Held-out NRMSE with it and those above",
+    ];
+    Item::Table(Table {
+        columns: titles.map(str::to_owned).to_vec(),
+        rows: rows.collect(),
+    })
+}
+
+fn details(number: usize, finding: &Finding) -> Vec<Item> {
+    let parameters = finding.parameters.iter();
+    let mut items = vec![
+        Item::heading(format!("{number}. {} ({})", finding.name, finding.id)),
+        Item::text(finding.text.clone()),
+        Item::text(format!("Where: {}", finding.place.text)),
+        Item::Table(Table {
+            columns: ["Parameter", "Value"].map(str::to_owned).to_vec(),
+            rows: parameters
+                .map(|(name, value)| vec![name.clone(), estimate(value)])
+                .collect(),
+        }),
+    ];
+    if !finding.rivals.is_empty() {
+        let rows = finding.rivals.iter().map(|r| {
+            vec![
+                r.id.to_owned(),
+                significant(r.delta_bic, 4),
+                r.tell_apart_by.clone(),
+            ]
+        });
+        items.push(Item::Table(Table {
+            columns: ["Rival", "Its ΔBIC", "Tell apart by"]
+                .map(str::to_owned)
+                .to_vec(),
+            rows: rows.collect(),
+        }));
+    }
+    items
+}
+
+/// Coordinates that generic functions would follow.
+fn leftover(unexplained: &Unexplained, significant: bool) -> Vec<Item> {
+    let summary = format!(
+        "{}: generic functions of all coordinates together would take away {} of the cross-validated squared error that is left; their RMS is {} of the drive's.",
+        if significant {
+            "What stays unexplained"
+        } else {
+            "What is left is not significant"
+        },
+        share(unexplained.gain),
+        percent(unexplained.size, None),
+    );
+    let mut items = vec![Item::text(summary)];
+    if significant {
+        let rows = unexplained.coordinates.iter().map(|(coordinate, gain)| {
+            vec![
+                (*coordinate).to_owned(),
+                share(*gain),
+                advice(coordinate).to_owned(),
+            ]
+        });
+        items.push(Item::Table(Table {
+            columns: [
+                "Depends on",
+                "Share that functions of it alone take away",
+                "What to do next",
+            ]
+            .map(str::to_owned)
+            .to_vec(),
+            rows: rows.collect(),
+        }));
+    }
+    items
+}
+
+fn share(share: f64) -> String {
+    format!("{:.0} %", 100.0 * share.max(0.0))
+}
+
+/// What a dependence on a coordinate that no effect explains may be, and the recording that would show it.
+fn advice(coordinate: &str) -> &'static str {
+    match coordinate {
+        "velocity" => {
+            "Friction of an unusual shape: record slow ramps through zero, and at least five steady speeds in each direction, and look at the friction curve."
+        }
+        "position" => {
+            "A force that changes along the travel: move slowly over the whole travel in both directions and look at the residual against position."
+        }
+        "position, as friction" => {
+            "Friction that varies along the travel (position-dependent-friction): check guides, seals and alignment where the residual is large, and record slow passes over the whole travel."
+        }
+        "time" => {
+            "A load that changed during the run (load-step, periodic-disturbance): look at the residual against time, then repeat the run; what comes back at another time is not the axis."
+        }
+        "time, as friction" => {
+            "Friction that changed during the run (thermal-drift): record the same motion cold and warm."
+        }
+        "input" => {
+            "The drive is not proportional to u (saturation, input-dead-zone): record with half and with twice the amplitude, and log the current if the drive offers it."
+        }
+        "input, as friction" => {
+            "Friction that grows with the transmitted torque (load-dependent-friction): repeat the motion with another load."
+        }
+        "travel since reversal" => {
+            "Elastic deflection or lost motion after each reversal (presliding, backlash): record small steps of several amplitudes with many reversals, if possible with a second encoder on the load."
+        }
+        "position and velocity" => {
+            "Friction that depends on position and speed together: record several steady speeds over the same travel."
+        }
+        _ => {
+            "Record again so that this coordinate varies while the others stay the same, and compare."
+        }
+    }
+}
+
+/// The experiment that would decide most.
+pub(super) fn next_experiment(subject: &Subject, diagnosis: &Diagnosis) -> Section {
+    let mut points: Vec<String> = Vec::new();
+    for finding in &diagnosis.findings {
+        for rival in &finding.rivals {
+            points.push(format!(
+                "{} or {}: {}.",
+                finding.id,
+                rival.id,
+                ended(&rival.tell_apart_by)
+            ));
+        }
+    }
+    let rivals = !points.is_empty();
+    for finding in diagnosis.findings.iter().filter(|f| f.rivals.is_empty()) {
+        if let Some(excites) =
+            effects::find(finding.id).and_then(|e| doc_section(e.doc(), "What excites it"))
+        {
+            points.push(format!(
+                "{} has no rival; what makes its values surer: {excites}",
+                finding.id
+            ));
+        }
+    }
+    if let Some((coordinate, _)) = diagnosis
+        .unexplained
+        .as_ref()
+        .and_then(|u| u.coordinates.first())
+    {
+        points.push(format!(
+            "For what stays unexplained: {}",
+            advice(coordinate)
+        ));
+    }
+    let mut items = Vec::new();
+    if rivals {
+        items.push(Item::text(
+            "Some of what was found could be called by another name. These experiments decide:",
+        ));
+    }
+    if points.is_empty() {
+        items.push(Item::text(covered(subject)));
+    } else {
+        items.push(Item::List { points });
+    }
+    Section {
+        title: "Next experiment".to_owned(),
+        items,
+    }
+}
+
+/// What an adequate model was tested on.
+fn covered(subject: &Subject) -> String {
+    let survey = subject.bench.problem.survey();
+    let (speed, length) = if survey.motion == Motion::Rotary {
+        ("rad/s", "rad")
+    } else {
+        ("m/s", "m")
+    };
+    format!(
+        "None is needed at these conditions: speeds up to {} {speed} and positions from {} to {} {length}. To be surer, record outside of them, above all slow reversals, the full travel, and the load of normal use, and diagnose again.",
+        significant(survey.top_speed, 3),
+        significant(survey.travel.0, 3),
+        significant(survey.travel.1, 3),
+    )
+}
+
+/// A sentence without the full stop that the caller adds.
+fn ended(sentence: &str) -> &str {
+    sentence.trim_end_matches('.')
+}
+
+/// The text under a heading of an effect's documentation, on one line.
+fn doc_section(doc: &str, heading: &str) -> Option<String> {
+    let lines = doc
+        .lines()
+        .map_while(|l| l.strip_prefix("//!"))
+        .map(str::trim);
+    let body: Vec<&str> = lines
+        .skip_while(|l| l.strip_prefix("# ") != Some(heading))
+        .skip(1)
+        .take_while(|l| !l.starts_with("# "))
+        .filter(|l| !l.is_empty())
+        .collect();
+    (!body.is_empty()).then(|| body.join(" "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{advice, doc_section};
+    use crate::effects;
+
+    #[test]
+    fn every_effect_says_what_excites_it() {
+        for effect in effects::ALL {
+            let text = doc_section(effect.doc(), "What excites it").unwrap();
+            assert!(
+                !text.contains('#') && !text.contains("//!") && text.len() > 10,
+                "{text}"
+            );
+        }
+        assert_eq!(
+            doc_section("//! # A\n//! b\n//! c\n//! # D\n", "A").unwrap(),
+            "b c"
+        );
+        assert!(doc_section("//! # A\n", "B").is_none());
+    }
+
+    #[test]
+    fn an_unheard_of_coordinate_still_gets_advice() {
+        assert!(advice("phase of the moon").starts_with("Record again"));
+    }
+}

@@ -1,0 +1,82 @@
+//! The report: one HTML file that holds its data, its script and its styles, and asks no network for anything.
+//!
+//! The page shows what the diagnosis and the identification found; the script only draws. Plots are drawn by uPlot
+//! 1.6.32 (MIT), which is part of the file.
+
+mod data;
+mod findings;
+mod format;
+mod page;
+mod rows;
+mod runs;
+mod spread;
+mod subject;
+mod thin;
+
+#[cfg(test)]
+mod tests;
+
+use crate::diagnose::Outcome;
+use crate::error::{Error, Result};
+use crate::identify::{Identified, Workbench};
+use crate::recording::Recording;
+use page::Page;
+
+/// The HTML text of a diagnosis. Fails only if a model has no values, or on a defect.
+pub fn diagnosis(outcome: &Outcome, bench: &Workbench, recordings: &[Recording]) -> Result<String> {
+    render(&data::diagnosis(outcome, bench, recordings)?)
+}
+
+/// The HTML text of an identification. Fails only if a model has no values, or on a defect.
+pub fn identification(
+    identified: &Identified,
+    bench: &Workbench,
+    recordings: &[Recording],
+) -> Result<String> {
+    render(&data::identification(identified, bench, recordings)?)
+}
+
+fn render(page: &Page) -> Result<String> {
+    let data = serde_json::to_string(page)
+        .map_err(|e| Error::Internal(format!("cannot write the report's data: {e}")))?;
+    Ok(fill(include_str!("page.html"), |name| match name {
+        "title" => escape_html(&page.title),
+        "style" => format!(
+            "{}\n{}",
+            include_str!("vendor/uPlot.min.css"),
+            include_str!("page.css")
+        ),
+        "licence" => include_str!("vendor/uPlot-LICENSE").to_owned(),
+        "plotter" => include_str!("vendor/uPlot.iife.min.js").to_owned(),
+        "script" => include_str!("page.js").to_owned(),
+        "data" => escape_json(&data),
+        _ => String::new(),
+    }))
+}
+
+/// Puts a text for every `{{name}}` of the template; what is put in is not searched again.
+fn fill(template: &str, text: impl Fn(&str) -> String) -> String {
+    let mut out = String::with_capacity(template.len());
+    let mut rest = template;
+    while let Some((before, after)) = rest.split_once("{{") {
+        let Some((name, after)) = after.split_once("}}") else {
+            break;
+        };
+        out.push_str(before);
+        out.push_str(&text(name));
+        rest = after;
+    }
+    out + rest
+}
+
+/// JSON that can stand inside a script element: no tag begins or ends in it. In JSON `<` occurs only inside strings.
+fn escape_json(json: &str) -> String {
+    json.replace('<', "\\u003c")
+}
+
+fn escape_html(text: &str) -> String {
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+        .replace('"', "&quot;")
+}

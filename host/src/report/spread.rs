@@ -1,0 +1,121 @@
+//! Standard errors of the error figures, from the scatter between the free-run windows.
+//!
+//! The figures are functions of sums over windows, and the windows start afresh from measured states, so the
+//! jackknife over windows applies (Efron and Stein 1981): with θ₋ᵢ the figure without window i of m,
+//! `se² = (m − 1)/m · Σ (θ₋ᵢ − mean θ₋)²`.
+
+use super::subject::Prediction;
+
+/// Sums of squares over one window.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Block {
+    before: f64,
+    after: f64,
+    signal: f64,
+    count: f64,
+}
+
+/// Standard errors of the figures of one part of the recordings; `None` with fewer than three windows.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Spread {
+    /// Of the baseline's nrmse.
+    pub nrmse_before: Option<f64>,
+    /// Of the final model's nrmse.
+    pub nrmse_after: Option<f64>,
+    /// Of the baseline's RMS error.
+    pub rmse_before: Option<f64>,
+    /// Of the final model's RMS error.
+    pub rmse_after: Option<f64>,
+    /// Of their ratio.
+    pub factor: Option<f64>,
+}
+
+impl Block {
+    /// The windows of a prediction that lie in the held-out part, or those in the training part.
+    pub fn of(prediction: &Prediction, held_out: bool, inverse: bool) -> Vec<Self> {
+        let windows = prediction.windows.iter();
+        windows
+            .filter(|w| (w.start >= prediction.boundary) == held_out)
+            .map(|window| {
+                let measured = &prediction.measured[window.clone()];
+                let origin = if inverse { 0.0 } else { measured[0] };
+                let error = |predicted: &[f64]| {
+                    predicted[window.clone()]
+                        .iter()
+                        .zip(measured)
+                        .map(|(p, x)| (p - x).powi(2))
+                        .sum::<f64>()
+                };
+                Self {
+                    before: prediction.before.as_deref().map_or(0.0, error),
+                    after: error(&prediction.after),
+                    signal: measured.iter().map(|x| (x - origin).powi(2)).sum(),
+                    count: measured.len() as f64,
+                }
+            })
+            .collect()
+    }
+
+    fn minus(self, other: Self) -> Self {
+        Self {
+            before: self.before - other.before,
+            after: self.after - other.after,
+            signal: self.signal - other.signal,
+            count: self.count - other.count,
+        }
+    }
+
+    fn plus(self, other: Self) -> Self {
+        Self {
+            before: self.before + other.before,
+            after: self.after + other.after,
+            signal: self.signal + other.signal,
+            count: self.count + other.count,
+        }
+    }
+}
+
+impl Spread {
+    /// The jackknife over windows.
+    pub fn of(blocks: &[Block]) -> Self {
+        let over = |figure: &dyn Fn(&Block) -> f64| jackknife(blocks, figure);
+        Self {
+            nrmse_before: over(&|s| (s.before / s.signal).sqrt()),
+            nrmse_after: over(&|s| (s.after / s.signal).sqrt()),
+            rmse_before: over(&|s| (s.before / s.count).sqrt()),
+            rmse_after: over(&|s| (s.after / s.count).sqrt()),
+            factor: over(&|s| (s.before / s.after).sqrt()),
+        }
+    }
+}
+
+fn jackknife(blocks: &[Block], figure: &dyn Fn(&Block) -> f64) -> Option<f64> {
+    if blocks.len() < 3 {
+        return None;
+    }
+    let all = blocks.iter().copied().fold(Block::default(), Block::plus);
+    let without: Vec<f64> = blocks.iter().map(|b| figure(&all.minus(*b))).collect();
+    let m = without.len() as f64;
+    let mean = without.iter().sum::<f64>() / m;
+    let squares: f64 = without.iter().map(|x| (x - mean).powi(2)).sum();
+    Some(((m - 1.0) / m * squares).sqrt()).filter(|se| se.is_finite())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Block, jackknife};
+
+    #[test]
+    fn the_jackknife_of_a_mean_is_the_standard_error_of_the_mean() {
+        // Values 1, 2, 3, 4 with count 1 each: sd² = 5/3, so se = √(5/3/4).
+        let block = |after: f64| Block {
+            after,
+            count: 1.0,
+            ..Block::default()
+        };
+        let blocks = [1.0, 2.0, 3.0, 4.0].map(block);
+        let se = jackknife(&blocks, &|s| s.after / s.count).unwrap();
+        assert!((se - (5.0_f64 / 12.0).sqrt()).abs() < 1e-12, "{se}");
+        assert!(jackknife(&blocks[..2], &|s| s.after).is_none());
+    }
+}
