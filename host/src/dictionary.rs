@@ -69,10 +69,13 @@ impl Dictionary {
             .map(|g| {
                 let (coordinate, functions) = &self.tracks[0][g];
                 let column = |f: usize| {
-                    let parts = self.tracks.iter().zip(&problem.windows);
+                    let parts = self
+                        .tracks
+                        .iter()
+                        .zip(problem.tracks.iter().zip(&problem.windows));
                     Rc::new(
                         parts
-                            .flat_map(|(signals, w)| w.hold(&signals[g].1[f]))
+                            .flat_map(|(signals, (t, w))| w.hold(t, &signals[g].1[f]))
                             .collect(),
                     )
                 };

@@ -64,7 +64,7 @@ pub fn measured_state(recording: &Recording, track: &Track, sample: usize) -> St
     let smooth = track.v[k] + r * (right - track.v[k]);
     // An axis at rest starts at rest: quantisation must not push it.
     let v = if smooth.abs() <= 3.0 * track.velocity_noise
-        && track.barred[k.min(track.barred.len() - 1)]
+        && track.sliding[k.min(track.sliding.len() - 1)] == 0.0
     {
         0.0
     } else {
