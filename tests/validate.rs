@@ -114,7 +114,7 @@ fn run(recipes: &[Recipe]) -> Vec<Trial> {
 
 /// Diagnoses one plant; `None` if the simulator could not give it sane motion and the size asked for.
 fn attempt(recipe: &Recipe) -> Option<Trial> {
-    let made = simulate(recipe);
+    let made = simulate(recipe)?;
     if !made.truth.met || made.truth.top_speed < 1e-3 {
         return None;
     }
