@@ -58,8 +58,7 @@ impl Workbench {
     pub fn new(recordings: &[Recording], model: &Model) -> Result<Self> {
         let tracks = Problem::tracks(recordings, model.motion);
         let dictionary = Dictionary::new(&tracks);
-        let reach = choose_reach(&tracks, &dictionary, model)?;
-        let mut problem = Problem::new(tracks, &reach, model.motion, Response::Acceleration);
+        let mut problem = choose_width(&tracks, &dictionary, model)?;
         let train = problem.count(Part::Train);
         if train < FEWEST_ROWS {
             return Err(Error::NotIdentifiable(format!(
@@ -292,31 +291,33 @@ fn follow_everything(
     Ok((residual, columns.len()))
 }
 
-/// The narrowest width at which the encoder's noise no longer dominates, in samples of each track.
+/// The tracks under windows of the narrowest width at which the encoder's noise no longer dominates.
 ///
 /// Encoder noise in `∫q φ̈` falls with the width to the power −5/2, everything else with −1/2 at most. Where it makes
 /// up a third of the residual variance or less, widening gains little precision and loses resolution in time.
-fn choose_reach(tracks: &[Track], dictionary: &Dictionary, model: &Model) -> Result<Vec<usize>> {
+fn choose_width(tracks: &[Track], dictionary: &Dictionary, model: &Model) -> Result<Problem> {
     let reach = |track: &Track, width: f64| {
         let most = (track.q.len() / 40).max(FEWEST_SAMPLES);
         ((width / track.period).round() as usize).clamp(FEWEST_SAMPLES, most)
     };
-    let mut reaches = Vec::new();
-    for width in HALF_WIDTHS {
-        reaches = tracks.iter().map(|t| reach(t, width)).collect();
-        let problem = Problem::new(
+    let problem = |width: f64| {
+        let reaches: Vec<usize> = tracks.iter().map(|t| reach(t, width)).collect();
+        Problem::new(
             tracks.to_vec(),
             &reaches,
             model.motion,
             Response::Acceleration,
-        );
+        )
+    };
+    for width in HALF_WIDTHS {
+        let problem = problem(width);
         if problem.count(Part::Train) < FEWEST_ROWS
             || encoder_share(&problem, dictionary, model)? <= 1.0 / 3.0
         {
-            break;
+            return Ok(problem);
         }
     }
-    Ok(reaches)
+    Ok(problem(HALF_WIDTHS[HALF_WIDTHS.len() - 1]))
 }
 
 /// Share of the residual variance that encoder noise accounts for.

@@ -157,6 +157,11 @@ impl Problem {
         })
     }
 
+    /// The columns of a group of generic functions.
+    pub fn generic(&self, group: usize, compute: impl FnOnce() -> Vec<Vec<f64>>) -> Vec<Column> {
+        self.cached(("generic", [group as u64, 0]), compute)
+    }
+
     /// What all recordings together cover.
     pub fn survey(&self) -> Survey {
         let surveys = self

@@ -1,6 +1,7 @@
 //! Windows over a track and the functionals on them.
 
 use bristle_core::weak::Kernel;
+use nalgebra::DVectorView;
 
 use super::{TRAIN_SHARE, Track};
 
@@ -99,13 +100,12 @@ impl Windows {
     }
 
     fn apply(&self, weights: &[f64], signal: &[f64]) -> Vec<f64> {
+        // Unrolled into independent sums, which plain iteration over floats is not.
+        let length = weights.len();
+        let weights = DVectorView::from_slice(weights, length);
         let dot = |&centre: &usize| {
-            let start = centre - self.reach;
-            weights
-                .iter()
-                .zip(&signal[start..start + weights.len()])
-                .map(|(w, x)| w * x)
-                .sum()
+            let under = &signal[centre - self.reach..][..length];
+            weights.dot(&DVectorView::from_slice(under, length))
         };
         self.centres.iter().map(dot).collect()
     }
