@@ -18,6 +18,7 @@ use crate::recording::Recording;
 use crate::system;
 use crate::weak::Part;
 use select::{FLOOR, Leftover, Selected};
+use trial::Trial;
 
 /// A value with its standard error and unit.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -70,6 +71,10 @@ pub struct Rival {
     pub id: &'static str,
     /// Its fall of BIC at the stage where the finding was preferred.
     pub delta_bic: f64,
+    /// All parameters of the model with it in the place of the finding.
+    pub model: Estimates,
+    /// The fit of that model.
+    pub fit: Fit,
     /// The experiment that decides.
     pub tell_apart_by: String,
 }
@@ -92,7 +97,9 @@ pub struct Finding {
     pub parameters: Estimates,
     /// Evidence for it.
     pub evidence: Evidence,
-    /// Fit with this finding and all before it.
+    /// All parameters of the model with this finding and those before it.
+    pub model: Estimates,
+    /// The fit of that model.
     pub fit: Fit,
     /// Rivals.
     pub rivals: Vec<Rival>,
@@ -177,13 +184,12 @@ pub fn diagnose(
     progress("looking for what is left");
     let base_error = error(bench, before)?;
     let mut leftover = select::leftover(bench, &after)?;
-    let mut remaining = error(bench, &after)?;
+    let remaining = error(bench, &after)?;
     let reached = (base_error - remaining)
         / (base_error - remaining * (1.0 - leftover.gain)).max(f64::MIN_POSITIVE);
     let significant = leftover.gain >= FLOOR && leftover.size >= SMALLEST;
     let (selected, after) = if significant && reached < SHARE_OF_GENERIC && !selected.is_empty() {
         leftover = select::leftover(bench, before)?;
-        remaining = base_error;
         (Vec::new(), before.clone())
     } else {
         (selected, after)
@@ -205,7 +211,6 @@ pub fn diagnose(
     };
     let leftover = unexplained(&leftover);
     let unexplained = significant.then(|| leftover.clone());
-    let _ = remaining;
     let diagnosis = Diagnosis {
         schema: "bristle.diagnosis/1",
         verdict,
@@ -308,6 +313,7 @@ fn findings(
     let mut last_fit = baseline.fit;
     let mut last_error = base_error;
     let mut last_z = whitened(bench, &baseline.model);
+    let mut last_stage = baseline.model.clone();
     for (k, selected) in selected.iter().enumerate() {
         let mut stage = after.clone();
         stage.terms.truncate(first + k + 1);
@@ -331,10 +337,11 @@ fn findings(
                 delta_bic: selected.trial.delta_bic,
                 share_of_residual: (last_error - now) / base_error,
             },
+            model: estimates(&stage, None),
             fit: last_fit,
-            rivals: rivals(selected),
+            rivals: rivals(bench, &last_stage, selected, recordings)?,
         });
-        (last_error, last_z) = (now, z);
+        (last_error, last_z, last_stage) = (now, z, stage);
     }
     Ok((findings, last_fit))
 }
@@ -351,24 +358,33 @@ fn confidence(selected: &Selected, error_after: f64) -> f64 {
     (0.99 / (1.0 + others)).max(0.01)
 }
 
-fn rivals(selected: &Selected) -> Vec<Rival> {
+/// Effects that would have explained at least half as much, each fitted in the place of the finding.
+fn rivals(
+    bench: &Workbench,
+    before: &Model,
+    selected: &Selected,
+    recordings: &[Recording],
+) -> Result<Vec<Rival>> {
     let close = selected
         .others
         .iter()
         .filter(|o| o.delta_bic >= 0.5 * selected.trial.delta_bic);
-    close
-        .map(|other| {
-            let confusion = selected.trial.effect.confusions().iter().find(|c| c.id == other.effect.id());
-            Rival {
-                id: other.effect.id(),
-                delta_bic: other.delta_bic,
-                tell_apart_by: confusion.map_or_else(
-                    || format!("record again so that both are excited: bristle explain {} says what excites it", other.effect.id()),
-                    |c| c.tell_apart_by.to_owned(),
-                ),
-            }
+    let rival = |other: &Trial| {
+        let id = other.effect.id();
+        let confusions = selected.trial.effect.confusions();
+        let instead = bench.fit(&select::with_trial(before, other), recordings)?;
+        Ok(Rival {
+            id,
+            delta_bic: other.delta_bic,
+            model: estimates(&instead.model, None),
+            fit: instead.fit,
+            tell_apart_by: confusions.iter().find(|c| c.id == id).map_or_else(
+                || format!("record again so that both are excited: bristle explain {id} says what excites it"),
+                |c| c.tell_apart_by.to_owned(),
+            ),
         })
-        .collect()
+    };
+    close.map(rival).collect()
 }
 
 /// Parameters of a whole model, or of one of its terms with what follows from them.

@@ -58,7 +58,7 @@ pub(super) fn select(
 }
 
 /// The model with the effect of a trial, started from the trial's inner parameter.
-fn with_trial(model: &Model, trial: &Trial) -> Model {
+pub(super) fn with_trial(model: &Model, trial: &Trial) -> Model {
     let mut next = model.with_effect(trial.effect);
     if let (Some(k), Some(term)) = (trial.effect.inner(), next.terms.last_mut()) {
         // A value with an error marks a start that the scan need not repeat.
