@@ -110,7 +110,7 @@ impl Workbench {
     fn with_robust_inertia(&self, mut model: Model) -> Result<(Model, f64)> {
         if model.inertia.known || self.robust_inertia.is_none() {
             return Err(Error::NotIdentifiable(
-                "the motion does not follow u: the estimated inertia is negative; check the sign of u and of q, and which columns they are".to_owned(),
+                "the motion does not follow u: the estimated inertia is negative; check the signs of u and q and which columns they are, and that the recording accelerates the axis".to_owned(),
             ));
         }
         let bounds = std::mem::replace(
@@ -210,12 +210,16 @@ fn choose_response(
     if model.inertia.known {
         return Ok((Response::Acceleration, None));
     }
-    let generic: Vec<Rc<Vec<f64>>> = dictionary
-        .groups(problem)
-        .into_iter()
-        .filter(|g| !g.coordinate.starts_with("input"))
-        .flat_map(|g| g.columns)
-        .collect();
+    let generic = |keep: &dyn Fn(&str) -> bool| -> Vec<Rc<Vec<f64>>> {
+        dictionary
+            .groups(problem)
+            .into_iter()
+            .filter(|g| keep(g.coordinate))
+            .flat_map(|g| g.columns)
+            .collect()
+    };
+    let all = generic(&|coordinate| !coordinate.starts_with("input"));
+    let position = generic(&|coordinate| coordinate == "position");
     let mut inertia = |response: Response, generic: &[Rc<Vec<f64>>]| -> Result<Option<f64>> {
         problem.response = response;
         let system = System::new(problem, model)?;
@@ -241,9 +245,12 @@ fn choose_response(
             inertia(Response::Force, generic)?,
         ))
     };
-    let (full, plain) = (by_both_sides(&generic)?, by_both_sides(&[])?);
+    let (full, plain) = (by_both_sides(&all)?, by_both_sides(&[])?);
     let positive = |j: Option<f64>| j.filter(|j| *j > 0.0);
-    let robust = positive(full.1).or(positive(plain.1));
+    // A short recording may carry functions of position, gravity and springs among them, but not the whole dictionary.
+    let robust = positive(full.1)
+        .or(positive(by_both_sides(&position)?.1))
+        .or(positive(plain.1));
     let disagree = |(acceleration, force): (Option<f64>, Option<f64>), tolerance: f64| match (
         acceleration,
         force,

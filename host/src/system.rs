@@ -462,7 +462,7 @@ fn is_physical(model: &Model) -> bool {
 fn free_parameters(model: &Model) -> Vec<usize> {
     let parameters = model.parameters();
     (0..parameters.len())
-        .filter(|&k| !parameters[k].known && parameters[k].value.is_some())
+        .filter(|&k| !parameters[k].known && parameters[k].value.is_some() && !model.is_whole(k))
         .collect()
 }
 
@@ -538,7 +538,11 @@ fn standard_errors(
     }
     let small_sample = groups as f64 / (groups as f64 - 1.0).max(1.0);
     let sandwich = &inverse * (&gradients * gradients.transpose()) * &inverse * small_sample;
+    let whole: Vec<bool> = (0..model.parameters().len()).map(|k| model.is_whole(k)).collect();
     let mut parameters = model.parameters_mut();
+    for (parameter, _) in parameters.iter_mut().zip(whole).filter(|(p, whole)| *whole && !p.known) {
+        parameter.se = Some(0.0);
+    }
     for (j, &k) in free.iter().enumerate() {
         let variance = (sigma2 * inverse[(j, j)]).max(sandwich[(j, j)]);
         parameters[k].se = Some(variance.max(0.0).sqrt() / scale[j]);

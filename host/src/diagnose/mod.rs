@@ -167,6 +167,10 @@ pub struct Outcome {
 /// looked for (3 %), and about what smoothing and sampling leave behind where the noise is very low.
 const SMALLEST: f64 = 0.005;
 
+/// A model whose free run errs by more than this share of the motion on both parts is not adequate, whatever the weak
+/// form can tell apart.
+const HOPELESS: f64 = 0.5;
+
 /// Share of what generic functions gain that the named effects must reach: below it, the names are not the physics.
 const SHARE_OF_GENERIC: f64 = 0.6;
 
@@ -178,9 +182,7 @@ pub fn diagnose(
     progress: &dyn Fn(&str),
 ) -> Result<Outcome> {
     let before = &baseline.model;
-    let (selected, after) = select::select(bench, before, progress)?;
-    progress("confirming on the held-out part");
-    let (selected, after) = confirm(bench, before, selected, after, recordings)?;
+    let (selected, after) = confirmed(bench, before, recordings, progress)?;
     progress("looking for what is left");
     let base_error = error(bench, before)?;
     let mut leftover = select::leftover(bench, &after)?;
@@ -194,7 +196,9 @@ pub fn diagnose(
     } else {
         (selected, after)
     };
-    let verdict = if significant {
+    let hopeless =
+        selected.is_empty() && baseline.fit.train.nrmse.min(baseline.fit.held_out.nrmse) > HOPELESS;
+    let verdict = if significant || hopeless {
         Verdict::Unknown
     } else if selected.is_empty() {
         Verdict::Adequate
@@ -271,7 +275,30 @@ fn held_out_chi2(bench: &Workbench, model: &Model) -> f64 {
         .sum()
 }
 
-/// Drops effects without which the held-out part is predicted as well: weak-form error and free run both count.
+/// Selects effects and confirms them on the held-out part; what that part refutes makes room for others.
+fn confirmed(
+    bench: &Workbench,
+    before: &Model,
+    recordings: &[Recording],
+    progress: &dyn Fn(&str),
+) -> Result<(Vec<Selected>, Model)> {
+    let mut refuted: Vec<&str> = Vec::new();
+    loop {
+        let (selected, after) = select::select(bench, before, recordings, &refuted, progress)?;
+        progress("confirming on the held-out part");
+        let ids: Vec<&str> = selected.iter().map(|s| s.trial.effect.id()).collect();
+        let (kept, after) = confirm(bench, before, selected, after, recordings)?;
+        let dropped = |id: &&str| !kept.iter().any(|s| s.trial.effect.id() == *id);
+        let count = refuted.len();
+        refuted.extend(ids.into_iter().filter(dropped));
+        if refuted.len() == count {
+            return Ok((kept, after));
+        }
+    }
+}
+
+/// Drops effects without which the held-out part is predicted as well: weak-form error and free run both count, as far
+/// as the axis moves enough there for them to tell.
 fn confirm(
     bench: &Workbench,
     before: &Model,
@@ -279,14 +306,18 @@ fn confirm(
     mut after: Model,
     recordings: &[Recording],
 ) -> Result<(Vec<Selected>, Model)> {
+    let rows = bench.problem.count(Part::HeldOut);
     let mut k = selected.len();
     while k > 0 {
         k -= 1;
         let (without, _) = bench.estimate(&select::without(&after, before.terms.len() + k))?;
         let judge = |model: &Model| fit::judge(model, recordings, &bench.problem.tracks);
-        let weak_form_helps = held_out_chi2(bench, &after) < held_out_chi2(bench, &without);
+        let (with_it, without_it) = (judge(&after)?, judge(&without)?);
+        let moves = with_it.held_out.signal > LEAST_MOTION * with_it.train.signal;
+        let weak_form_helps =
+            rows < FEWEST_HELD_OUT || held_out_chi2(bench, &after) < held_out_chi2(bench, &without);
         let free_run_helps =
-            judge(&after)?.held_out.nrmse < FREE_RUN_TOLERANCE * judge(&without)?.held_out.nrmse;
+            !moves || with_it.held_out.nrmse < FREE_RUN_TOLERANCE * without_it.held_out.nrmse;
         if !(weak_form_helps && free_run_helps) {
             selected.remove(k);
             after = without;
@@ -298,6 +329,10 @@ fn confirm(
 /// A held-out free run over a handful of windows scatters by a few per cent through its measured starting
 /// velocities alone.
 const FREE_RUN_TOLERANCE: f64 = 1.05;
+/// A held-out part that moves by less than this share of the training part's motion says nothing about a free run.
+const LEAST_MOTION: f64 = 0.1;
+/// Nor do fewer rows than this about the weak form.
+const FEWEST_HELD_OUT: usize = 20;
 
 /// The findings in order of strength with their nested fits, and the fit of the final model.
 fn findings(
@@ -461,8 +496,12 @@ fn verdict_sentence(
             names.join(" and ")
         ),
         Verdict::Unknown => {
+            let Some(unexplained) = unexplained else {
+                return "The model hardly predicts the motion, and the recording is too noisy or too uniform to tell what is left out: record again with both directions, several speeds and reversals.".to_owned();
+            };
             let coordinate = unexplained
-                .and_then(|u| u.coordinates.first())
+                .coordinates
+                .first()
                 .map_or("none of the coordinates alone", |c| c.0);
             let found = if names.is_empty() {
                 String::new()
