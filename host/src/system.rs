@@ -538,9 +538,15 @@ fn standard_errors(
     }
     let small_sample = groups as f64 / (groups as f64 - 1.0).max(1.0);
     let sandwich = &inverse * (&gradients * gradients.transpose()) * &inverse * small_sample;
-    let whole: Vec<bool> = (0..model.parameters().len()).map(|k| model.is_whole(k)).collect();
+    let whole: Vec<bool> = (0..model.parameters().len())
+        .map(|k| model.is_whole(k))
+        .collect();
     let mut parameters = model.parameters_mut();
-    for (parameter, _) in parameters.iter_mut().zip(whole).filter(|(p, whole)| *whole && !p.known) {
+    for (parameter, _) in parameters
+        .iter_mut()
+        .zip(whole)
+        .filter(|(p, whole)| *whole && !p.known)
+    {
         parameter.se = Some(0.0);
     }
     for (j, &k) in free.iter().enumerate() {

@@ -103,28 +103,6 @@ fn best(
     let Some(base) = Base::new(bench, model)? else {
         return Ok(None);
     };
-        for t in trials(&base, model, excluded)? {
-            eprintln!(
-                "   {} dbic {:.1} gain {:.3} inner {:.4}",
-                t.effect.id(),
-                t.delta_bic,
-                t.gain,
-                t.inner
-            );
-        }
-        let l = leftover(bench, model)?;
-        eprintln!(
-            "   leftover {} {} {:?} chi2/row {} response {:?} reach {} rows {} J {:?}",
-            l.gain,
-            l.size,
-            l.coordinates,
-            base.score.chi2 / base.rows(),
-            bench.problem.response,
-            bench.problem.windows[0].reach,
-            base.rows(),
-            model.inertia.value
-        );
-    }
     let (mut passing, rest): (Vec<Trial>, Vec<Trial>) = trials(&base, model, excluded)?
         .into_iter()
         .partition(passes);
