@@ -91,8 +91,11 @@ impl Workbench {
             .score(&self.folds)
             .ok_or_else(|| undetermined(&model))?;
         system.decode(&score.beta, &mut model);
-        if model.inertia.value.is_some_and(|j| j <= 0.0) {
-            return self.with_robust_inertia(model);
+        if model.inertia.value.is_some_and(|j| j <= 0.0) && !model.inertia.known {
+            return self.with_inertia(self.fallback_inertia(&model)?, model);
+        }
+        if let Some(term) = system::inadmissible(&model) {
+            return self.with_nothing_of(term, &model);
         }
         for k in 0..model.parameters().len() {
             if let Some(value) = model.parameters()[k]
@@ -106,23 +109,47 @@ impl Workbench {
         Ok((model, chi2))
     }
 
-    /// Estimates the rest of a model around the inertia found with all generic functions in.
-    fn with_robust_inertia(&self, mut model: Model) -> Result<(Model, f64)> {
-        if model.inertia.known || self.robust_inertia.is_none() {
-            return Err(Error::NotIdentifiable(
-                "the motion does not follow u: the estimated inertia is negative; check the signs of u and q and which columns they are, and that the recording accelerates the axis".to_owned(),
-            ));
+    /// The inertia to take where a model leaves so much out that its own estimate is negative.
+    fn fallback_inertia(&self, model: &Model) -> Result<f64> {
+        if model.causality == Causality::Inverse {
+            // Nothing is integrated, so none at all will do.
+            return Ok(0.0);
         }
-        let bounds = std::mem::replace(
-            &mut model.inertia,
-            Parameter::known(self.robust_inertia.unwrap_or_default()),
-        );
+        self.robust_inertia.ok_or_else(|| {
+            Error::NotIdentifiable(
+                "the motion does not follow u: the estimated inertia is negative; check the signs of u and q and which columns they are, and that the recording accelerates the axis".to_owned(),
+            )
+        })
+    }
+
+    /// Estimates the rest of a model around a given inertia.
+    fn with_inertia(&self, inertia: f64, mut model: Model) -> Result<(Model, f64)> {
+        let bounds = std::mem::replace(&mut model.inertia, Parameter::known(inertia));
         let (mut model, chi2) = self.estimate(&model)?;
         model.inertia = Parameter {
-            value: model.inertia.value,
+            value: Some(inertia),
             ..bounds
         };
         Ok((model, chi2))
+    }
+
+    /// Estimates the rest of a model without a term that would have to be unphysical to fit better, and puts the term
+    /// back with coefficients of zero.
+    fn with_nothing_of(&self, term: usize, model: &Model) -> Result<(Model, f64)> {
+        let mut rest = model.clone();
+        let mut absent = rest.terms.remove(term);
+        let (mut rest, chi2) = self.estimate(&rest)?;
+        let coulomb = rest.coulomb.value.unwrap_or(0.0);
+        let effect = absent.effect;
+        let (inner, _) = effect.linear(&system::values(&absent), coulomb);
+        let named = effect.named(inner, &vec![0.0; effect.width()], coulomb);
+        for (parameter, value) in absent.parameters.iter_mut().zip(named) {
+            if !parameter.known {
+                (parameter.value, parameter.se) = (Some(value), Some(f64::INFINITY));
+            }
+        }
+        rest.terms.insert(term, absent);
+        Ok((rest, chi2))
     }
 
     /// Estimates and judges a model.

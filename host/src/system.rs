@@ -448,14 +448,19 @@ impl<F: Fn(&Model) -> DVector<f64>> Objective<'_, F> {
 /// Position of the inertia among [`Model::parameters`].
 const INERTIA: usize = 0;
 
-/// Positive inertia, and coefficients that physics allows.
+/// No negative inertia, and coefficients that physics allows.
 fn is_physical(model: &Model) -> bool {
+    model.inertia.value.is_none_or(|j| j >= 0.0) && inadmissible(model).is_none()
+}
+
+/// The first estimated term whose coefficients physics does not allow.
+pub fn inadmissible(model: &Model) -> Option<usize> {
     let coulomb = model.coulomb.value.unwrap_or(0.0);
-    model.inertia.value.is_none_or(|j| j > 0.0)
-        && model
-            .terms
-            .iter()
-            .all(|t| t.effect.admissible(&t.effect.linear(&values(t), coulomb).1))
+    let allowed = |t: &Term| t.effect.admissible(&t.effect.linear(&values(t), coulomb).1);
+    model
+        .terms
+        .iter()
+        .position(|t| t.parameters.iter().any(|p| !p.known) && !allowed(t))
 }
 
 /// Indices of the parameters that a fit may move.

@@ -62,7 +62,12 @@ impl Model {
         let gain = parameter(plant, "plant", "gain")?.unwrap_or_else(|| Parameter::known(1.0));
         let inertia = parameter(plant, "plant", "inertia")?.unwrap_or_default();
         for (name, parameter) in [("gain", &gain), ("inertia", &inertia)] {
-            if parameter.value.is_some_and(|v| v <= 0.0) {
+            // An imposed motion needs no inertia.
+            let may_vanish = name == "inertia" && causality == Causality::Inverse;
+            if parameter
+                .value
+                .is_some_and(|v| v < 0.0 || (v == 0.0 && !may_vanish))
+            {
                 return Err(format!("plant.{name} must be positive"));
             }
         }
