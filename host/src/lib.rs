@@ -10,6 +10,7 @@ pub mod dictionary;
 pub mod effects;
 pub mod error;
 pub mod fit;
+pub mod format;
 pub mod identify;
 pub mod linear;
 pub mod model;

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use crate::format;
 use crate::identify::Workbench;
 use crate::model::{Model, Motion};
 
@@ -154,14 +155,14 @@ fn sentence(found: &Where, motion: Motion, places: &[Place]) -> String {
     }
     if narrow(found.velocity, range(&|p| p.velocity)) {
         parts.push(format!(
-            "at velocities from {:.3} to {:.3} {speed}",
-            found.velocity[0], found.velocity[1]
+            "at velocities from {}",
+            format::range(found.velocity, speed)
         ));
     }
     if narrow(found.position, range(&|p| p.position)) {
         parts.push(format!(
-            "at positions from {:.3} to {:.3} {position}",
-            found.position[0], found.position[1]
+            "at positions from {}",
+            format::range(found.position, position)
         ));
     }
     if found.direction != "both" {

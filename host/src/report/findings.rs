@@ -1,12 +1,12 @@
 //! What was found, what stays unexplained, and the experiment to do next.
 
-use super::format::{estimate, percent, significant};
+use super::data::estimate_text;
 use super::page::{Item, Section, Table};
 use super::spread::Spread;
 use super::subject::Subject;
-use crate::diagnose::{Diagnosis, Finding, Unexplained, Verdict};
+use crate::diagnose::{Diagnosis, Finding, Rival, Unexplained, Verdict};
 use crate::effects;
-use crate::model::Motion;
+use crate::format::{percent, range, significant, quantity, whole_percent};
 
 /// The findings with their evidence and rivals, and what stays unexplained.
 pub(super) fn section(diagnosis: &Diagnosis, held_out: &Spread) -> Section {
@@ -36,14 +36,14 @@ fn overview(diagnosis: &Diagnosis, held_out: &Spread) -> Item {
     let last = diagnosis.findings.len() - 1;
     let rows = diagnosis.findings.iter().enumerate().map(|(k, f)| {
         // The spread between windows is that of the final model; models on the way to it have no predictions here.
-        let se = held_out.nrmse_after.filter(|_| k == last);
+        let se = held_out.after.nrmse.filter(|_| k == last);
         vec![
             (k + 1).to_string(),
             f.name.to_owned(),
             f.id.to_owned(),
             format!("{:.2}", f.confidence),
-            share(f.evidence.share_of_residual),
-            significant(f.evidence.delta_bic, 4),
+            whole_percent(f.evidence.share_of_residual),
+            significant(f.evidence.delta_bic, 3),
             percent(f.fit.held_out.nrmse, se),
         ]
     });
@@ -71,7 +71,7 @@ fn details(number: usize, finding: &Finding) -> Vec<Item> {
         Item::Table(Table {
             columns: ["Parameter", "Value"].map(str::to_owned).to_vec(),
             rows: parameters
-                .map(|(name, value)| vec![name.clone(), estimate(value)])
+                .map(|(name, value)| vec![name.clone(), estimate_text(value)])
                 .collect(),
         }),
     ];
@@ -79,12 +79,12 @@ fn details(number: usize, finding: &Finding) -> Vec<Item> {
         let rows = finding.rivals.iter().map(|r| {
             vec![
                 r.id.to_owned(),
-                significant(r.delta_bic, 4),
-                r.tell_apart_by.clone(),
+                significant(r.delta_bic, 3),
+                decide(finding, r),
             ]
         });
         items.push(Item::Table(Table {
-            columns: ["Rival", "Its ΔBIC", "Tell apart by"]
+            columns: ["Rival", "Its ΔBIC", "What tells them apart"]
                 .map(str::to_owned)
                 .to_vec(),
             rows: rows.collect(),
@@ -102,7 +102,7 @@ fn leftover(unexplained: &Unexplained, significant: bool) -> Vec<Item> {
         } else {
             "What is left is not significant"
         },
-        share(unexplained.gain),
+        whole_percent(unexplained.gain),
         percent(unexplained.size, None),
     );
     let mut items = vec![Item::text(summary)];
@@ -110,7 +110,7 @@ fn leftover(unexplained: &Unexplained, significant: bool) -> Vec<Item> {
         let rows = unexplained.coordinates.iter().map(|(coordinate, gain)| {
             vec![
                 (*coordinate).to_owned(),
-                share(*gain),
+                whole_percent(*gain),
                 advice(coordinate).to_owned(),
             ]
         });
@@ -126,10 +126,6 @@ fn leftover(unexplained: &Unexplained, significant: bool) -> Vec<Item> {
         }));
     }
     items
-}
-
-fn share(share: f64) -> String {
-    format!("{:.0} %", 100.0 * share.max(0.0))
 }
 
 /// What a dependence on a coordinate that no effect explains may be, and the recording that would show it.
@@ -173,71 +169,68 @@ pub(super) fn next_experiment(subject: &Subject, diagnosis: &Diagnosis) -> Secti
     let mut points: Vec<String> = Vec::new();
     for finding in &diagnosis.findings {
         for rival in &finding.rivals {
-            points.push(format!(
-                "{} or {}: {}.",
-                finding.id,
-                rival.id,
-                ended(&rival.tell_apart_by)
-            ));
+            points.push(format!("{} or {}? {}", finding.name, rival.id, decide(finding, rival)));
+        }
+        if finding.rivals.is_empty() {
+            points.extend(
+                excites(finding.id)
+                    .map(|text| format!("{}: to pin its values down: {text}", finding.name)),
+            );
         }
     }
-    let rivals = !points.is_empty();
-    for finding in diagnosis.findings.iter().filter(|f| f.rivals.is_empty()) {
-        if let Some(excites) =
-            effects::find(finding.id).and_then(|e| doc_section(e.doc(), "What excites it"))
-        {
-            points.push(format!(
-                "{} has no rival; what makes its values surer: {excites}",
-                finding.id
-            ));
-        }
+    let unexplained = diagnosis.unexplained.as_ref();
+    if let Some((coordinate, _)) = unexplained.and_then(|u| u.coordinates.first()) {
+        points.push(format!("What stays unexplained: {}", advice(coordinate)));
     }
-    if let Some((coordinate, _)) = diagnosis
-        .unexplained
-        .as_ref()
-        .and_then(|u| u.coordinates.first())
-    {
-        points.push(format!(
-            "For what stays unexplained: {}",
-            advice(coordinate)
-        ));
-    }
-    let mut items = Vec::new();
-    if rivals {
-        items.push(Item::text(
-            "Some of what was found could be called by another name. These experiments decide:",
-        ));
-    }
-    if points.is_empty() {
-        items.push(Item::text(covered(subject)));
+    let item = if points.is_empty() {
+        Item::text(covered(subject))
     } else {
-        items.push(Item::List { points });
-    }
+        Item::List { points }
+    };
     Section {
         title: "Next experiment".to_owned(),
-        items,
+        items: vec![item],
     }
+}
+
+/// The experiment that tells a finding from its rival: as either of them documents it, else one that excites both.
+fn decide(finding: &Finding, rival: &Rival) -> String {
+    let documented = |id: &str, other: &str| {
+        let confusions = effects::find(id)?.confusions().iter();
+        confusions.clone().find(|c| c.id == other).map(|c| c.tell_apart_by)
+    };
+    let text = documented(finding.id, rival.id).or_else(|| documented(rival.id, finding.id));
+    match (text, excites(finding.id), excites(rival.id)) {
+        (Some(text), ..) => format!("{}.", capitalised(text)),
+        (None, Some(one), Some(other)) => format!(
+            "Excite both in one recording. {}: {one} {}: {other}",
+            finding.id, rival.id
+        ),
+        _ => format!("{}.", capitalised(&rival.tell_apart_by)),
+    }
+}
+
+fn excites(id: &str) -> Option<String> {
+    doc_section(effects::find(id)?.doc(), "What excites it")
+}
+
+/// A clause as a sentence, without its full stop.
+fn capitalised(clause: &str) -> String {
+    let mut letters = clause.trim_end_matches('.').chars();
+    letters
+        .next()
+        .map_or_else(String::new, |c| c.to_uppercase().chain(letters).collect())
 }
 
 /// What an adequate model was tested on.
 fn covered(subject: &Subject) -> String {
     let survey = subject.bench.problem.survey();
-    let (speed, length) = if survey.motion == Motion::Rotary {
-        ("rad/s", "rad")
-    } else {
-        ("m/s", "m")
-    };
+    let (speed, length) = subject.motion_units();
     format!(
-        "None is needed at these conditions: speeds up to {} {speed} and positions from {} to {} {length}. To be surer, record outside of them, above all slow reversals, the full travel, and the load of normal use, and diagnose again.",
-        significant(survey.top_speed, 3),
-        significant(survey.travel.0, 3),
-        significant(survey.travel.1, 3),
+        "None is needed at these conditions: speeds up to {} and positions from {}. To be surer, record outside of them, above all slow reversals, the full travel, and the load of normal use, and diagnose again.",
+        quantity(survey.top_speed, speed),
+        range([survey.travel.0, survey.travel.1], length),
     )
-}
-
-/// A sentence without the full stop that the caller adds.
-fn ended(sentence: &str) -> &str {
-    sentence.trim_end_matches('.')
 }
 
 /// The text under a heading of an effect's documentation, on one line.

@@ -5,7 +5,6 @@
 
 mod data;
 mod findings;
-mod format;
 mod page;
 mod rows;
 mod runs;

@@ -28,6 +28,8 @@ pub struct Verdict {
     pub word: String,
     /// The sentence.
     pub text: String,
+    /// What was found, a sentence each, and what to be wary of.
+    pub points: Vec<String>,
 }
 
 /// One headline number, before and after.
@@ -109,6 +111,8 @@ pub struct Plot {
     pub series: Vec<Series>,
     /// Shaded parts of the abscissa.
     pub bands: Vec<Band>,
+    /// Instants at which the models were restarted.
+    pub marks: Vec<f64>,
     /// The ordinate never shows more than this, so that a model that runs away leaves the rest readable.
     #[serde(serialize_with = "short_limit")]
     pub limit: Option<[f64; 2]>,
@@ -166,7 +170,7 @@ pub struct Band {
     pub to: f64,
     /// Whether it marks held-out data (otherwise the located region).
     pub held_out: bool,
-    /// Text inside; empty for none.
+    /// What it marks, for the key.
     pub label: String,
 }
 
