@@ -148,3 +148,25 @@ pub(super) fn written(paths: &[PathBuf]) {
         anstream::println!("wrote {}", path.display());
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{Estimates, table};
+    use crate::diagnose::Estimate;
+
+    #[test]
+    fn parameters_line_up_with_errors_and_printed_units() {
+        let estimate = |value, se, unit| Estimate { value, se, unit };
+        let estimates = Estimates::from([
+            ("static".to_owned(), estimate(0.3644, Some(0.0131), "N*m")),
+            ("gain".to_owned(), estimate(35.150_65, None, "N/V")),
+        ]);
+        let mut out = String::new();
+        table(&mut out, &estimates);
+        let plain = anstream::adapter::strip_str(&out).to_string();
+        assert_eq!(
+            plain,
+            "  gain    35.15065 N/V  (given)\n  static  0.364 ± 0.013 N·m\n"
+        );
+    }
+}

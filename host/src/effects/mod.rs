@@ -372,7 +372,9 @@ mod tests {
             .unwrap()
             .sentence(&[0.364_4, 0.481_6, 1.39], Motion::Rotary);
         assert!(
-            text.starts_with("Friction rises to 0.364 N·m towards zero speed, below about 0.482 rad/s:"),
+            text.starts_with(
+                "Friction rises to 0.364 N·m towards zero speed, below about 0.482 rad/s:"
+            ),
             "{text}"
         );
         let text = find("gravity")

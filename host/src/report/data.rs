@@ -9,7 +9,9 @@ use super::subject::{Judged, Prediction, Subject};
 use crate::diagnose::{Diagnosis, Estimate, Outcome, Verdict};
 use crate::error::Result;
 use crate::fit::HORIZON;
-use crate::format::{self, percent, quantity, scaled_unit, shortest, significant, value, with_unit};
+use crate::format::{
+    self, percent, quantity, scaled_unit, shortest, significant, value, with_unit,
+};
 use crate::identify::{Identified, Workbench};
 use crate::model::Model;
 use crate::problem::Response;
@@ -47,7 +49,10 @@ pub(super) fn diagnosis(
     let rows = Rows::new(&subject);
     let word = format!("{:?}", diagnosis.verdict).to_lowercase();
     // An adequate model leaves noise: a region of noise would mislead.
-    let place = (diagnosis.verdict != Verdict::Adequate).then_some(&diagnosis.place);
+    let place = match diagnosis.verdict {
+        Verdict::Adequate => Err("No region is marked: nothing significant is left to locate."),
+        Verdict::Explained | Verdict::Unknown => Ok(&diagnosis.place),
+    };
     Ok(Page {
         title: format!("Diagnosis of {}", named(&outcome.after)),
         facts: facts(&subject),
@@ -98,7 +103,13 @@ pub(super) fn identification(
         sections: vec![
             parameters(&subject),
             runs::section(&subject, &predictions)?,
-            residual_section(&subject, &rows, None),
+            residual_section(
+                &subject,
+                &rows,
+                Err(
+                    "Structure in it is physics that the model leaves out: bristle diagnose says which, and where.",
+                ),
+            ),
             friction_section(&subject, &rows)?,
             errors(&subject, &spreads),
             method(&subject),
@@ -106,24 +117,19 @@ pub(super) fn identification(
     })
 }
 
-/// Held-out nrmse from which on an adequate model is not yet a good one.
-const POOR: f64 = 0.1;
-
 /// The findings in a sentence each; what to be wary of in an adequate model that predicts poorly.
 fn points(diagnosis: &Diagnosis) -> Vec<String> {
-    let mut points: Vec<String> = diagnosis
-        .findings
-        .iter()
-        .map(|f| format!("{}: {}", f.name, f.text))
-        .collect();
-    let error = diagnosis.fit.after.held_out.nrmse;
-    if diagnosis.verdict == Verdict::Adequate && error > POOR {
-        points.push(format!(
-            "Take care: the model still misses the held-out part by {}. These recordings do not show why; they may be too short, too noisy or too much disturbed to tell. Record for longer, over more speeds and positions.",
+    let findings = diagnosis.findings.iter();
+    let caution = findings::poor(diagnosis).map(|error| {
+        format!(
+            "Take care: the model still misses the held-out part by {}, and these recordings do not show why.",
             percent(error, None)
-        ));
-    }
-    points
+        )
+    });
+    findings
+        .map(|f| format!("{}: {}", f.name, f.text))
+        .chain(caution)
+        .collect()
 }
 
 fn predictions(subject: &Subject) -> Result<Vec<Prediction>> {
@@ -274,7 +280,10 @@ fn parameters(subject: &Subject) -> Section {
             let same = before.iter().find(|(n, _)| *n == name);
             same.map_or("–", |(_, v)| v).to_owned()
         });
-        [Some(name), old, Some(value)].into_iter().flatten().collect()
+        [Some(name), old, Some(value)]
+            .into_iter()
+            .flatten()
+            .collect()
     });
     Section {
         title: "Parameters".to_owned(),

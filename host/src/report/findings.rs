@@ -6,7 +6,7 @@ use super::spread::Spread;
 use super::subject::Subject;
 use crate::diagnose::{Diagnosis, Finding, Rival, Unexplained, Verdict};
 use crate::effects;
-use crate::format::{percent, range, significant, quantity, whole_percent};
+use crate::format::{percent, quantity, range, significant, whole_percent};
 
 /// The findings with their evidence and rivals, and what stays unexplained.
 pub(super) fn section(diagnosis: &Diagnosis, held_out: &Spread) -> Section {
@@ -41,7 +41,7 @@ fn overview(diagnosis: &Diagnosis, held_out: &Spread) -> Item {
             (k + 1).to_string(),
             f.name.to_owned(),
             f.id.to_owned(),
-            format!("{:.2}", f.confidence),
+            whole_percent(f.confidence),
             whole_percent(f.evidence.share_of_residual),
             significant(f.evidence.delta_bic, 3),
             percent(f.fit.held_out.nrmse, se),
@@ -51,7 +51,7 @@ fn overview(diagnosis: &Diagnosis, held_out: &Spread) -> Item {
         "",
         "Effect",
         "Id",
-        "Confidence (0 to 1)",
+        "Confidence",
         "Share of the squared error",
         "ΔBIC",
         "Held-out NRMSE with it and those above",
@@ -76,19 +76,14 @@ fn details(number: usize, finding: &Finding) -> Vec<Item> {
         }),
     ];
     if !finding.rivals.is_empty() {
-        let rows = finding.rivals.iter().map(|r| {
-            vec![
-                r.id.to_owned(),
-                significant(r.delta_bic, 3),
-                decide(finding, r),
-            ]
-        });
-        items.push(Item::Table(Table {
-            columns: ["Rival", "Its ΔBIC", "What tells them apart"]
-                .map(str::to_owned)
-                .to_vec(),
-            rows: rows.collect(),
-        }));
+        let rivals = finding
+            .rivals
+            .iter()
+            .map(|r| format!("{} (ΔBIC {})", r.id, significant(r.delta_bic, 3)));
+        items.push(Item::text(format!(
+            "Rivals that would explain much the same: {}. The next experiment below tells them apart.",
+            rivals.collect::<Vec<_>>().join(", ")
+        )));
     }
     items
 }
@@ -164,12 +159,26 @@ fn advice(coordinate: &str) -> &'static str {
     }
 }
 
+/// Held-out nrmse from which on an adequate model is not yet a good one.
+const POOR: f64 = 0.1;
+
+/// The held-out nrmse of an adequate model that predicts poorly all the same.
+pub(super) fn poor(diagnosis: &Diagnosis) -> Option<f64> {
+    let error = diagnosis.fit.after.held_out.nrmse;
+    (diagnosis.verdict == Verdict::Adequate && error > POOR).then_some(error)
+}
+
 /// The experiment that would decide most.
 pub(super) fn next_experiment(subject: &Subject, diagnosis: &Diagnosis) -> Section {
     let mut points: Vec<String> = Vec::new();
     for finding in &diagnosis.findings {
         for rival in &finding.rivals {
-            points.push(format!("{} or {}? {}", finding.name, rival.id, decide(finding, rival)));
+            points.push(format!(
+                "{} or {}? {}",
+                finding.name,
+                rival.id,
+                decide(finding, rival)
+            ));
         }
         if finding.rivals.is_empty() {
             points.extend(
@@ -182,7 +191,11 @@ pub(super) fn next_experiment(subject: &Subject, diagnosis: &Diagnosis) -> Secti
     if let Some((coordinate, _)) = unexplained.and_then(|u| u.coordinates.first()) {
         points.push(format!("What stays unexplained: {}", advice(coordinate)));
     }
-    let item = if points.is_empty() {
+    let item = if poor(diagnosis).is_some() {
+        Item::text(
+            "The recordings are too short, too noisy or too much disturbed to tell what the model misses: record for longer, at more speeds and positions, with as little noise as possible, and diagnose again.",
+        )
+    } else if points.is_empty() {
         Item::text(covered(subject))
     } else {
         Item::List { points }
@@ -197,7 +210,10 @@ pub(super) fn next_experiment(subject: &Subject, diagnosis: &Diagnosis) -> Secti
 fn decide(finding: &Finding, rival: &Rival) -> String {
     let documented = |id: &str, other: &str| {
         let confusions = effects::find(id)?.confusions().iter();
-        confusions.clone().find(|c| c.id == other).map(|c| c.tell_apart_by)
+        confusions
+            .clone()
+            .find(|c| c.id == other)
+            .map(|c| c.tell_apart_by)
     };
     let text = documented(finding.id, rival.id).or_else(|| documented(rival.id, finding.id));
     match (text, excites(finding.id), excites(rival.id)) {

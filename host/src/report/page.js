@@ -5,7 +5,8 @@
   const COLOURS = { measured: "#333c48", before: "#d55e00", after: "#0072b2" };
   const HELD_OUT = "rgba(86, 96, 110, 0.11)";
   const REGION = "rgba(230, 171, 2, 0.22)";
-  const DASH = [6, 3];
+  // uPlot scales the width of lines for dense screens, but not their dashes.
+  const DASH = [6, 3].map((length) => length * uPlot.pxRatio);
   const drawn = [];
 
   function element(parent, tag, className, text) {
@@ -180,18 +181,20 @@
       const y = series.y[index];
       return y === null ? "" : ` · ${series.label} ${number(y)}`;
     });
-    return `${plot.x_label.split(" [")[0]} ${plain(Number(plot.x[index].toPrecision(6)))}${values.join("")}`;
+    const [name, unit] = plot.x_label.replace("]", "").split(" [");
+    return `${name} ${plain(Number(plot.x[index].toPrecision(6)))} ${unit}${values.join("")} ${plot.y_label.match(/\[.*\]/)}`;
   }
 
   function draw(parent, plot) {
     const figure = element(parent, "figure");
-    element(figure, "figcaption", "", plot.title);
+    const caption = element(figure, "figcaption");
+    element(caption, "span", "", plot.title);
+    const values = element(caption, "span", "values screen", "");
     key(figure, plot, (k) => {
       chart.setSeries(k, { show: !chart.series[k].show });
       return chart.series[k].show;
     });
     const place = element(figure, "div");
-    const values = element(figure, "div", "values screen", "");
     if (plot.caption) element(figure, "p", "note", plot.caption);
     const axis = {
       stroke: "#3a4350",

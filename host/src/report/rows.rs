@@ -7,7 +7,7 @@ use super::thin::thin;
 use crate::axis::Axis;
 use crate::diagnose::Where;
 use crate::error::Result;
-use crate::format::{quantity, scaled_unit};
+use crate::format::{quantity, scaled_unit, whole_percent};
 use crate::model::Model;
 use crate::system;
 
@@ -100,28 +100,40 @@ impl Rows {
     }
 }
 
-/// The residual maps; `place` is the located region, if there is something to locate.
-pub(super) fn residual_section(subject: &Subject, rows: &Rows, place: Option<&Where>) -> Section {
+/// The residual maps with the located region, or with the reason why none is marked.
+pub(super) fn residual_section(
+    subject: &Subject,
+    rows: &Rows,
+    place: std::result::Result<&Where, &str>,
+) -> Section {
     let (torque, _) = subject.torque();
     let (speed, length) = subject.motion_units();
     let region = place.map_or_else(
-        || "No region is marked, as no mismatch was located.".to_owned(),
-        |place| format!("Shaded: where the mismatch lives. {}", place.text),
+        str::to_owned,
+        |place| {
+            format!(
+                "Shaded: the times at which the mismatch is above its average, and the narrowest ranges of velocity and of position that hold {} of it. {}",
+                whole_percent(Where::SHARE),
+                place.text
+            )
+        },
     );
     let mut items = vec![Item::text(format!(
         "The {torque} that drives the axis beyond what the model says, as a weighted mean over each window of the weak form; no noisy signal is differentiated. A model that leaves nothing out has a residual that looks alike everywhere. {region}"
     ))];
-    let bands = |band: &dyn Fn(&Where) -> Vec<[f64; 2]>| -> Vec<Band> {
-        let bands = place.map_or_else(Vec::new, band).into_iter();
+    let holds = format!("{} of the mismatch", whole_percent(Where::SHARE));
+    let bands = |label: &str, band: &dyn Fn(&Where) -> Vec<[f64; 2]>| -> Vec<Band> {
+        let bands = place.map_or_else(|_| Vec::new(), band).into_iter();
+        let located = |[from, to]: [f64; 2]| Band {
+            from,
+            to,
+            held_out: false,
+            label: label.to_owned(),
+        };
         bands.map(located).collect()
     };
     let several = subject.recordings.len() > 1;
-    for (index, recording) in subject
-        .recordings
-        .iter()
-        .enumerate()
-        .take(MOST_RECORDINGS)
-    {
+    for (index, recording) in subject.recordings.iter().enumerate().take(MOST_RECORDINGS) {
         let of = if several {
             format!(", {}", recording.file_name())
         } else {
@@ -130,7 +142,7 @@ pub(super) fn residual_section(subject: &Subject, rows: &Rows, place: Option<&Wh
         let plot = Plot {
             title: format!("Against time{of}"),
             x_label: "time [s]".to_owned(),
-            bands: bands(&|p| p.time.clone()),
+            bands: bands("most of the mismatch", &|p| p.time.clone()),
             ..rows.map(subject, &rows.time, false, |k| rows.track[k] == index)
         };
         items.push(Item::Plots { plots: vec![plot] });
@@ -140,13 +152,13 @@ pub(super) fn residual_section(subject: &Subject, rows: &Rows, place: Option<&Wh
             Plot {
                 title: "Against velocity".to_owned(),
                 x_label: format!("velocity [{speed}]"),
-                bands: bands(&|p| vec![p.velocity]),
+                bands: bands(&holds, &|p| vec![p.velocity]),
                 ..rows.map(subject, &rows.velocity, true, |_| true)
             },
             Plot {
                 title: "Against position".to_owned(),
                 x_label: format!("position [{length}]"),
-                bands: bands(&|p| vec![p.position]),
+                bands: bands(&holds, &|p| vec![p.position]),
                 ..rows.map(subject, &rows.position, true, |_| true)
             },
         ],
@@ -154,15 +166,6 @@ pub(super) fn residual_section(subject: &Subject, rows: &Rows, place: Option<&Wh
     Section {
         title: format!("Residual {torque}"),
         items,
-    }
-}
-
-fn located([from, to]: [f64; 2]) -> Band {
-    Band {
-        from,
-        to,
-        held_out: false,
-        label: "where the mismatch lives".to_owned(),
     }
 }
 
