@@ -31,7 +31,7 @@ pub fn value(value: f64, se: Option<f64>) -> String {
 }
 
 /// A value with that many significant digits, trailing zeros kept: they say how well it is known.
-pub fn significant(value: f64, digits: usize) -> String {
+pub fn significant(value: f64, digits: u8) -> String {
     if value == 0.0 {
         return "0".to_owned();
     }
@@ -40,7 +40,7 @@ pub fn significant(value: f64, digits: usize) -> String {
     }
     let value = rounded(value, digits);
     let exponent = exponent(value);
-    let last = digits as i32 - 1;
+    let last = i32::from(digits) - 1;
     if (-4..6).contains(&exponent) {
         return minus(&format!("{value:.*}", (last - exponent).max(0) as usize));
     }
@@ -50,7 +50,7 @@ pub fn significant(value: f64, digits: usize) -> String {
 
 /// A value with up to that many significant digits and no zeros after the last one that says something: for numbers
 /// that were given or counted.
-pub fn shortest(value: f64, digits: usize) -> String {
+pub fn shortest(value: f64, digits: u8) -> String {
     let text = significant(value, digits);
     if !text.contains('.') || text.contains('·') {
         return text;
@@ -96,7 +96,8 @@ pub fn unit(unit: &str) -> String {
 pub fn scaled_unit(largest: f64, unit: &str) -> (f64, String) {
     let unit = self::unit(unit);
     let prefixable = unit.starts_with("rad") || unit.starts_with('m') || unit.starts_with('N');
-    if !prefixable || !(largest > 0.0 && largest.is_finite()) {
+    let plain = largest <= 0.0 || !largest.is_finite();
+    if plain || !prefixable {
         return (1.0, unit);
     }
     for (factor, prefix) in [(1.0, ""), (1e3, "m"), (1e6, "µ")] {
@@ -121,8 +122,8 @@ pub fn whole_percent(share: f64) -> String {
 }
 
 /// A value rounded to significant digits.
-fn rounded(value: f64, digits: usize) -> f64 {
-    format!("{value:.*e}", digits.max(1) - 1)
+fn rounded(value: f64, digits: u8) -> f64 {
+    format!("{value:.*e}", usize::from(digits.max(1)) - 1)
         .parse()
         .unwrap_or(value)
 }

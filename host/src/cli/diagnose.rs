@@ -71,7 +71,7 @@ impl Command {
         progress.set_message("fitting the baseline");
         let (bench, baseline) = identify(&recordings, &model)?;
         let outcome = diagnose(&bench, &baseline, &recordings, &|what| {
-            progress.set_message(what.to_owned())
+            progress.set_message(what.to_owned());
         })?;
         progress.set_message("writing");
         let mut outputs = Outputs::default();

@@ -282,7 +282,7 @@ planned! {
 /// `count` values from `low` to `high`, equal ratios apart.
 fn geometric(low: f64, high: f64, count: usize) -> Vec<f64> {
     let ratio = (high / low).powf(1.0 / (count - 1) as f64);
-    (0..count).map(|k| low * ratio.powi(k as i32)).collect()
+    (0..count).map(|k| low * ratio.powf(k as f64)).collect()
 }
 
 #[cfg(test)]

@@ -114,7 +114,6 @@ pub struct Plot {
     /// Instants at which the models were restarted.
     pub marks: Vec<f64>,
     /// The ordinate never shows more than this, so that a model that runs away leaves the rest readable.
-    #[serde(serialize_with = "short_limit")]
     pub limit: Option<[f64; 2]>,
     /// Plots of one group share cursor and zoom.
     pub group: Option<String>,
@@ -213,10 +212,6 @@ fn even<S: Serializer>(values: &[f64], serializer: S) -> Result<S::Ok, S::Error>
     let decimals = (6.0 - span.max(1e-12).log10().floor()).clamp(0.0, 17.0) as usize;
     let rounded = |x: f64| format!("{x:.decimals$}").parse().unwrap_or(x);
     serializer.collect_seq(values.iter().map(|&x| rounded(x)))
-}
-
-fn short_limit<S: Serializer>(limit: &Option<[f64; 2]>, serializer: S) -> Result<S::Ok, S::Error> {
-    limit.map(|l| l.map(shortened)).serialize(serializer)
 }
 
 fn shortened(x: f64) -> f64 {

@@ -172,7 +172,7 @@ pub(super) fn residual_section(
 /// The friction curves of the models, with what the recordings ask for at each speed.
 ///
 /// The dots are the final model's curve plus the residual of each row: a component-plus-residual plot (W. A. Larsen
-/// and S. J. McCleary, Technometrics 14, 1972). What other parts of the model explain is thus taken out.
+/// and S. J. `McCleary`, Technometrics 14, 1972). What other parts of the model explain is thus taken out.
 pub(super) fn friction_section(subject: &Subject, rows: &Rows) -> Result<Section> {
     let (torque, si) = subject.torque();
     let (speed, length) = subject.motion_units();

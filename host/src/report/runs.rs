@@ -196,7 +196,8 @@ impl View<'_> {
                 .filter(|w| self.samples.contains(&w.start))
                 .map(|w| t[w.start])
                 .collect();
-            plot.caption = "Dotted: restarts from the measured state.".to_owned();
+            plot.caption
+                .push_str("Dotted: restarts from the measured state.");
         }
         plot
     }

@@ -132,7 +132,7 @@ fn assert_sound(page: &serde_json::Value) -> Vec<&serde_json::Value> {
         for series in plot["series"].as_array().unwrap() {
             let y = series["y"].as_array().unwrap();
             assert!(
-                y.len() == x.len() && y.iter().any(|y| y.is_number()),
+                y.len() == x.len() && y.iter().any(serde_json::Value::is_number),
                 "{title}"
             );
             if series["style"] == "bars" {
@@ -247,7 +247,10 @@ fn an_identification_shows_its_parameters_with_errors() {
     let curve = series.iter().find(|s| s["role"] == "after").unwrap()["y"]
         .as_array()
         .unwrap();
-    let at = curve.iter().rposition(|y| y.is_number()).unwrap();
+    let at = curve
+        .iter()
+        .rposition(serde_json::Value::is_number)
+        .unwrap();
     let (v, torque) = (plot["x"][at].as_f64().unwrap(), curve[at].as_f64().unwrap());
     let factor = if plot["y_label"].as_str().unwrap().contains("[mN") {
         1e3
