@@ -5,10 +5,10 @@
 
 /// `12.34 ± 0.23`: the error with two significant digits, the value to the same decimal place.
 ///
-/// Without a usable error the value keeps four significant digits. Far from one, both share a power of ten.
+/// Without a usable error the value keeps three significant digits. Far from one, both share a power of ten.
 pub fn value(value: f64, se: Option<f64>) -> String {
     let Some(se) = se.filter(|se| *se > 0.0 && se.is_finite() && value.is_finite()) else {
-        return significant(value, 4);
+        return significant(value, 3);
     };
     let largest = exponent(value.abs().max(se));
     let power = if (-3..5).contains(&largest) {
@@ -108,12 +108,9 @@ pub fn scaled_unit(largest: f64, unit: &str) -> (f64, String) {
     (1e9, format!("n{unit}"))
 }
 
-/// A share as a percentage with its error; with three significant digits if it has none.
+/// A share as a percentage with its error.
 pub fn percent(share: f64, se: Option<f64>) -> String {
-    match se {
-        Some(_) => with_unit(&value(100.0 * share, se.map(|se| 100.0 * se)), "%"),
-        None => quantity(100.0 * share, "%"),
-    }
+    with_unit(&value(100.0 * share, se.map(|se| 100.0 * se)), "%")
 }
 
 /// A share as a whole percentage; one that is not positive is none.
@@ -175,10 +172,10 @@ mod tests {
     }
 
     #[test]
-    fn without_an_error_four_digits_are_shown() {
-        assert_eq!(value(0.068_314, None), "0.06831");
-        assert_eq!(value(0.068_314, Some(0.0)), "0.06831");
-        assert_eq!(value(0.068_314, Some(f64::NAN)), "0.06831");
+    fn without_an_error_three_digits_are_shown() {
+        assert_eq!(value(0.068_314, None), "0.0683");
+        assert_eq!(value(0.068_314, Some(0.0)), "0.0683");
+        assert_eq!(value(0.068_314, Some(f64::NAN)), "0.0683");
         assert_eq!(value(f64::NAN, Some(0.1)), "not finite");
     }
 

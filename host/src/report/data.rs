@@ -4,7 +4,7 @@ use super::findings;
 use super::page::{self, Figure, Item, Page, Section, Table};
 use super::rows::{Rows, friction_section, residual_section};
 use super::runs;
-use super::spread::{Block, Spread};
+use super::spread::{Block, FEWEST, Spread};
 use super::subject::{Judged, Prediction, Subject};
 use crate::diagnose::{Diagnosis, Estimate, Outcome, Verdict};
 use crate::error::Result;
@@ -250,6 +250,11 @@ fn figures_note(subject: &Subject, predictions: &[Prediction]) -> String {
     } else {
         " A whole run is a single sample, so its error carries none."
     };
+    if count < FEWEST {
+        return format!(
+            "The held-out part has too few windows of {HORIZON:.0} s to tell how much the errors scatter, so no ± is given."
+        );
+    }
     format!(
         "± is one standard error, from the scatter between the {count} held-out windows (jackknife).{whole}"
     )

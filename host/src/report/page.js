@@ -152,7 +152,7 @@
     };
   }
 
-  const plain = (value) => String(Number(value.toPrecision(9))).replace("-", "−");
+  const plain = (value) => String(Number(value.toPrecision(12))).replace("-", "−");
 
   // Names what is drawn, in the way it is drawn; a click hides a series.
   function key(parent, plot, toggle) {
@@ -182,7 +182,7 @@
       return y === null ? "" : ` · ${series.label} ${number(y)}`;
     });
     const [name, unit] = plot.x_label.replace("]", "").split(" [");
-    return `${name} ${plain(Number(plot.x[index].toPrecision(6)))} ${unit}${values.join("")} ${plot.y_label.match(/\[.*\]/)}`;
+    return `${name} ${plain(plot.x[index])} ${unit}${values.join("")} ${plot.y_label.match(/\[.*\]/)}`;
   }
 
   function draw(parent, plot) {
@@ -214,7 +214,7 @@
       legend: { show: false },
       scales: { x, y: { range: ordinate(plot.limit) } },
       axes: [
-        { ...axis, label: plot.x_label, labelSize: 18, labelGap: 0, size: 30 },
+        { ...axis, space: 72, label: plot.x_label, labelSize: 18, labelGap: 0, size: 30 },
         { ...axis, label: plot.y_label, labelSize: 20, size: 56 },
       ],
       series: [{}, ...plot.series.map(seriesOptions)],

@@ -14,6 +14,8 @@ use crate::weak::TRAIN_SHARE;
 pub(super) const MOST_RECORDINGS: usize = 6;
 /// Points of all main plots together; two screens' width for one recording.
 const POINTS: usize = 12_000;
+/// Times the largest measured value at which a model that runs away is cut off.
+const FAR: f64 = 1e3;
 /// Most points of one plot.
 const PLOT_POINTS: usize = 4000;
 
@@ -217,6 +219,8 @@ impl View<'_> {
 
     /// Series over time in the plot's unit, thinned, with the held-out part shaded.
     fn plot(&self, measured: bool, models: [Option<Vec<f64>>; 2], factor: f64) -> Plot {
+        // A line to a point that is too far away is not drawn at all, so what runs away stops short of that.
+        let far = FAR * largest(self.measured()).max(f64::MIN_POSITIVE);
         let t = &self.subject.recordings[self.index].t;
         let names = self.subject.names();
         let [before, after] = models;
@@ -231,7 +235,12 @@ impl View<'_> {
         ]
         .into_iter()
         .filter_map(|(name, role, y)| Some(((name, role), y?)))
-        .map(|(label, y)| (label, y.iter().map(|y| y * factor).collect()))
+        .map(|(label, y)| {
+            (
+                label,
+                y.iter().map(|y| y.clamp(-far, far) * factor).collect(),
+            )
+        })
         .unzip();
         let (x, thinned) = thin(&t[self.samples.clone()], &series, self.points);
         let mut plot = Plot {
