@@ -203,8 +203,8 @@ fn figures(subject: &Subject, spreads: &Spreads) -> Vec<Figure> {
     };
     let mut figures = vec![Figure {
         label: "Held-out NRMSE".to_owned(),
-        before: before.map(|b| percent(b.held_out.nrmse, scatter.before.nrmse)),
-        after: percent(after.held_out.nrmse, scatter.after.nrmse),
+        before: before.map(|b| nrmse(b.held_out.nrmse, scatter.before.nrmse)),
+        after: nrmse(after.held_out.nrmse, scatter.after.nrmse),
         note: nrmse_note,
     }];
     if let Some(before) = before {
@@ -341,9 +341,9 @@ fn errors(subject: &Subject, spreads: &Spreads) -> Section {
     ]
     .map(|title| vec![title.to_owned()]);
     for (fit, train, held_out) in models.into_iter().flatten() {
-        rows[0].push(percent(fit.train.nrmse, train.nrmse));
+        rows[0].push(nrmse(fit.train.nrmse, train.nrmse));
         rows[1].push(rms(fit.train.rmse, train.rmse, si));
-        rows[2].push(percent(fit.held_out.nrmse, held_out.nrmse));
+        rows[2].push(nrmse(fit.held_out.nrmse, held_out.nrmse));
         rows[3].push(rms(fit.held_out.rmse, held_out.rmse, si));
     }
     Section {
@@ -358,7 +358,19 @@ fn errors(subject: &Subject, spreads: &Spreads) -> Section {
 /// An RMS error in a convenient unit.
 fn rms(rmse: f64, se: Option<f64>, si: &str) -> String {
     let (factor, unit) = scaled_unit(rmse, si);
-    with_unit(&value(factor * rmse, se.map(|se| factor * se)), &unit)
+    let se = telling(rmse, se).map(|se| factor * se);
+    with_unit(&value(factor * rmse, se), &unit)
+}
+
+/// An NRMSE as a percentage.
+pub(super) fn nrmse(nrmse: f64, se: Option<f64>) -> String {
+    percent(nrmse, telling(nrmse, se))
+}
+
+/// The standard error of an error figure, unless it exceeds the figure: then the few samples of a model that ran away
+/// rule both, and the windows tell nothing.
+fn telling(figure: f64, se: Option<f64>) -> Option<f64> {
+    se.filter(|se| *se <= figure)
 }
 
 /// How the numbers came about.
@@ -401,5 +413,18 @@ fn method(subject: &Subject) -> Section {
                 format!("Written by Bristle {}.", env!("CARGO_PKG_VERSION")),
             ],
         }],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{nrmse, rms};
+
+    #[test]
+    fn an_error_larger_than_its_figure_is_left_out() {
+        assert_eq!(nrmse(0.05, Some(0.01)), "5.0 ± 1.0 %");
+        assert_eq!(nrmse(0.05, Some(1e14)), "5.00 %");
+        assert_eq!(rms(0.005, Some(0.001), "m"), "5.0 ± 1.0 mm");
+        assert_eq!(rms(0.005, Some(0.1), "m"), "5.00 mm");
     }
 }

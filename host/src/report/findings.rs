@@ -1,6 +1,6 @@
 //! What was found, what stays unexplained, and the experiment to do next.
 
-use super::data::estimate_text;
+use super::data::{estimate_text, nrmse};
 use super::page::{Item, Section, Table};
 use super::spread::Spread;
 use super::subject::Subject;
@@ -44,7 +44,7 @@ fn overview(diagnosis: &Diagnosis, held_out: &Spread) -> Item {
             whole_percent(f.confidence),
             whole_percent(f.evidence.share_of_residual),
             significant(f.evidence.delta_bic, 3),
-            percent(f.fit.held_out.nrmse, se),
+            nrmse(f.fit.held_out.nrmse, se),
         ]
     });
     let titles = [

@@ -214,7 +214,7 @@
       legend: { show: false },
       scales: { x, y: { range: ordinate(plot.limit) } },
       axes: [
-        { ...axis, space: 72, label: plot.x_label, labelSize: 18, labelGap: 0, size: 30 },
+        { ...axis, space: Math.abs(plot.x[0]) < 1e5 ? 50 : 90, label: plot.x_label, labelSize: 18, labelGap: 0, size: 30 },
         { ...axis, label: plot.y_label, labelSize: 20, size: 56 },
       ],
       series: [{}, ...plot.series.map(seriesOptions)],

@@ -177,7 +177,10 @@ pub(super) fn friction_section(subject: &Subject, rows: &Rows) -> Result<Section
     let (torque, si) = subject.torque();
     let (speed, length) = subject.motion_units();
     let survey = subject.bench.problem.survey();
-    let middle = 0.5 * (survey.travel.0 + survey.travel.1);
+    // Rounded to a hundredth of the travel's decade: nobody needs to know that the middle is at −1.02·10⁻⁶ m.
+    let (low, high) = survey.travel;
+    let step = 10f64.powf((high - low).max(f64::MIN_POSITIVE).log10().floor() - 2.0);
+    let middle = (0.5 * (low + high) / step).round() * step;
     let after = Axis::new(subject.after.model)?;
     // Mean resisting torque of a row: the residual drives the axis, so it is friction that is missing.
     let measured: Vec<(f64, f64)> = (0..rows.after.len())

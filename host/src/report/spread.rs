@@ -15,10 +15,7 @@ pub(super) struct Block {
     count: f64,
 }
 
-/// Standard errors of one model's errors in one part of the recordings.
-///
-/// `None` where the windows do not tell: with fewer than [`FEWEST`] of them, or where one outweighs all others so much
-/// (a model that runs away) that the error would exceed the figure.
+/// Standard errors of one model's errors in one part of the recordings; `None` with fewer than [`FEWEST`] windows.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Scatter {
     /// Of the nrmse.
@@ -97,7 +94,7 @@ fn jackknife(blocks: &[Block], figure: &dyn Fn(&Block) -> f64) -> Option<f64> {
     let m = without.len() as f64;
     let mean = without.iter().sum::<f64>() / m;
     let squares: f64 = without.iter().map(|x| (x - mean).powi(2)).sum();
-    Some(((m - 1.0) / m * squares).sqrt()).filter(|se| *se <= figure(&all))
+    Some(((m - 1.0) / m * squares).sqrt()).filter(|se| se.is_finite())
 }
 
 #[cfg(test)]
@@ -116,7 +113,5 @@ mod tests {
         let se = jackknife(&blocks, &|s| s.after / s.count).unwrap();
         assert!((se - (5.0_f64 / 12.0).sqrt()).abs() < 1e-12, "{se}");
         assert!(jackknife(&blocks[..2], &|s| s.after).is_none());
-        let runaway = [1.0, 1.0, 1.0, 1e9].map(block);
-        assert!(jackknife(&runaway, &|s| (s.after / s.count).sqrt()).is_none());
     }
 }
