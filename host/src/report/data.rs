@@ -1,28 +1,22 @@
 //! Assembles the page from a diagnosis or an identification.
 
 use super::findings;
-use super::page::{self, Figure, Item, Page, Section, Table};
-use super::rows::{Rows, friction_section, residual_section};
+use super::friction;
+use super::page::{self, Figure, Item, Page, Section};
+use super::rows::{self, Rows};
 use super::runs;
-use super::spread::{Block, FEWEST, Spread};
+use super::spread::{FEWEST, Spreads};
 use super::subject::{Judged, Prediction, Subject};
-use crate::diagnose::{Diagnosis, Estimate, Outcome, Verdict};
+use super::tables::{errors, nrmse, parameters, rms};
+use crate::diagnose::{Diagnosis, Outcome, Verdict};
 use crate::error::Result;
 use crate::fit::HORIZON;
-use crate::format::{
-    self, percent, quantity, scaled_unit, shortest, significant, value, with_unit,
-};
+use crate::format::{percent, quantity, scaled_unit, shortest, significant, value, with_unit};
 use crate::identify::{Identified, Workbench};
 use crate::model::Model;
 use crate::problem::Response;
 use crate::recording::Recording;
 use crate::weak::{Part, TRAIN_SHARE};
-
-/// Standard errors of the error figures of both parts.
-struct Spreads {
-    train: Spread,
-    held_out: Spread,
-}
 
 /// The page of a diagnosis.
 pub(super) fn diagnosis(
@@ -65,8 +59,8 @@ pub(super) fn diagnosis(
         figures_note: figures_note(&subject, &predictions),
         sections: vec![
             runs::section(&subject, &predictions)?,
-            residual_section(&subject, &rows, place),
-            friction_section(&subject, &rows)?,
+            rows::section(&subject, &rows, place),
+            friction::section(&subject, &rows)?,
             findings::section(diagnosis, &spreads.held_out),
             findings::next_experiment(&subject, diagnosis),
             parameters(&subject),
@@ -103,14 +97,14 @@ pub(super) fn identification(
         sections: vec![
             parameters(&subject),
             runs::section(&subject, &predictions)?,
-            residual_section(
+            rows::section(
                 &subject,
                 &rows,
                 Err(
                     "Structure in it is physics that the model leaves out: bristle diagnose says which, and where.",
                 ),
             ),
-            friction_section(&subject, &rows)?,
+            friction::section(&subject, &rows)?,
             errors(&subject, &spreads),
             method(&subject),
         ],
@@ -136,22 +130,6 @@ fn predictions(subject: &Subject) -> Result<Vec<Prediction>> {
     (0..subject.recordings.len())
         .map(|index| subject.predict(index))
         .collect()
-}
-
-impl Spreads {
-    fn of(subject: &Subject, predictions: &[Prediction]) -> Self {
-        let part = |held_out: bool| {
-            let blocks: Vec<Block> = predictions
-                .iter()
-                .flat_map(|p| Block::of(p, held_out, subject.inverse()))
-                .collect();
-            Spread::of(&blocks)
-        };
-        Self {
-            train: part(false),
-            held_out: part(true),
-        }
-    }
 }
 
 fn named(model: &Model) -> &str {
@@ -260,119 +238,6 @@ fn figures_note(subject: &Subject, predictions: &[Prediction]) -> String {
     )
 }
 
-/// All parameters, baseline beside final model.
-fn parameters(subject: &Subject) -> Section {
-    let cells = |model: &Model| -> Vec<(String, String)> {
-        let labels = model.labels().into_iter().zip(model.parameters());
-        labels
-            .map(|(label, p)| {
-                let name = label.effect.map_or_else(
-                    || label.name.to_owned(),
-                    |id| format!("{id}.{}", label.name),
-                );
-                let estimate = Estimate {
-                    value: p.value.unwrap_or(f64::NAN),
-                    se: (!p.known).then(|| p.se.unwrap_or(f64::NAN)),
-                    unit: label.unit,
-                };
-                (name, estimate_text(&estimate))
-            })
-            .collect()
-    };
-    let before = subject.before.map(|b| cells(b.model));
-    let rows = cells(subject.after.model).into_iter().map(|(name, value)| {
-        let old = before.as_ref().map(|before| {
-            let same = before.iter().find(|(n, _)| *n == name);
-            same.map_or("–", |(_, v)| v).to_owned()
-        });
-        [Some(name), old, Some(value)]
-            .into_iter()
-            .flatten()
-            .collect()
-    });
-    Section {
-        title: "Parameters".to_owned(),
-        items: vec![Item::Table(Table {
-            columns: columns(subject, "Parameter", "Value"),
-            rows: rows.collect(),
-        })],
-    }
-}
-
-/// Heading of the first column, then one for each model; a model alone is called `single`.
-fn columns(subject: &Subject, first: &str, single: &str) -> Vec<String> {
-    let models: &[&str] = if subject.before.is_some() {
-        &["Baseline", "Final model"]
-    } else {
-        &[single]
-    };
-    let all = std::iter::once(first).chain(models.iter().copied());
-    all.map(str::to_owned).collect()
-}
-
-/// A parameter as tables show it; one that was not estimated says so.
-pub(super) fn estimate_text(estimate: &Estimate) -> String {
-    let text = format::parameter(estimate.value, estimate.se, estimate.unit);
-    if estimate.se.is_some() {
-        text
-    } else {
-        format!("{text} (given)")
-    }
-}
-
-/// Prediction errors of both parts.
-fn errors(subject: &Subject, spreads: &Spreads) -> Section {
-    let (_, si) = subject.compared();
-    let models = [
-        subject
-            .before
-            .map(|b| (b.fit, spreads.train.before, spreads.held_out.before)),
-        Some((
-            subject.after.fit,
-            spreads.train.after,
-            spreads.held_out.after,
-        )),
-    ];
-    let mut rows = [
-        "Training part, NRMSE",
-        "Training part, RMS error",
-        "Held-out part, NRMSE",
-        "Held-out part, RMS error",
-    ]
-    .map(|title| vec![title.to_owned()]);
-    for (fit, train, held_out) in models.into_iter().flatten() {
-        rows[0].push(nrmse(fit.train.nrmse, train.nrmse));
-        rows[1].push(rms(fit.train.rmse, train.rmse, si));
-        rows[2].push(nrmse(fit.held_out.nrmse, held_out.nrmse));
-        rows[3].push(rms(fit.held_out.rmse, held_out.rmse, si));
-    }
-    Section {
-        title: "Prediction errors".to_owned(),
-        items: vec![Item::Table(Table {
-            columns: columns(subject, "", "Model"),
-            rows: rows.to_vec(),
-        })],
-    }
-}
-
-/// An RMS error in a convenient unit.
-fn rms(rmse: f64, se: Option<f64>, si: &str) -> String {
-    let (factor, unit) = scaled_unit(rmse, si);
-    let se = telling(rmse, se).map(|se| factor * se);
-    with_unit(&value(factor * rmse, se), &unit)
-}
-
-/// An NRMSE as a percentage.
-pub(super) fn nrmse(nrmse: f64, se: Option<f64>) -> String {
-    percent(nrmse, telling(nrmse, se))
-}
-
-/// The standard error of an error figure, unless it exceeds the figure: then the few samples of a model that ran away
-/// rule both, and the windows tell nothing.
-fn telling(figure: f64, se: Option<f64>) -> Option<f64> {
-    se.filter(|se| *se <= figure)
-}
-
 /// How the numbers came about.
 fn method(subject: &Subject) -> Section {
     let problem = &subject.bench.problem;
@@ -413,18 +278,5 @@ fn method(subject: &Subject) -> Section {
                 format!("Written by Bristle {}.", env!("CARGO_PKG_VERSION")),
             ],
         }],
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{nrmse, rms};
-
-    #[test]
-    fn an_error_larger_than_its_figure_is_left_out() {
-        assert_eq!(nrmse(0.05, Some(0.01)), "5.0 ± 1.0 %");
-        assert_eq!(nrmse(0.05, Some(1e14)), "5.00 %");
-        assert_eq!(rms(0.005, Some(0.001), "m"), "5.0 ± 1.0 mm");
-        assert_eq!(rms(0.005, Some(0.1), "m"), "5.00 mm");
     }
 }

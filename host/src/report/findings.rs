@@ -1,9 +1,9 @@
 //! What was found, what stays unexplained, and the experiment to do next.
 
-use super::data::{estimate_text, nrmse};
 use super::page::{Item, Section, Table};
 use super::spread::Spread;
 use super::subject::Subject;
+use super::tables::{estimate_text, nrmse};
 use crate::diagnose::{Diagnosis, Finding, Rival, Unexplained, Verdict};
 use crate::effects;
 use crate::format::{percent, quantity, range, significant, whole_percent};
@@ -102,7 +102,11 @@ fn leftover(unexplained: &Unexplained, significant: bool) -> Vec<Item> {
     );
     let mut items = vec![Item::text(summary)];
     if significant {
-        let rows = unexplained.coordinates.iter().map(|(coordinate, gain)| {
+        let telling = unexplained
+            .coordinates
+            .iter()
+            .filter(|(_, gain)| *gain > 0.01);
+        let rows = telling.map(|(coordinate, gain)| {
             vec![
                 (*coordinate).to_owned(),
                 whole_percent(*gain),

@@ -4,7 +4,7 @@
 //! jackknife over windows applies (Efron and Stein 1981): with θ₋ᵢ the figure without window i of m,
 //! `se² = (m − 1)/m · Σ (θ₋ᵢ − mean θ₋)²`.
 
-use super::subject::Prediction;
+use super::subject::{Prediction, Subject};
 
 /// Sums of squares over one window.
 #[derive(Clone, Copy, Debug, Default)]
@@ -77,6 +77,32 @@ impl Spread {
             before: scatter(&|s| s.before),
             after: scatter(&|s| s.after),
             factor: jackknife(blocks, &|s| (s.before / s.after).sqrt()),
+        }
+    }
+}
+
+/// Standard errors of the error figures of both parts.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Spreads {
+    /// Of the first part of each recording.
+    pub train: Spread,
+    /// Of the rest.
+    pub held_out: Spread,
+}
+
+impl Spreads {
+    /// From the predictions of all recordings.
+    pub fn of(subject: &Subject, predictions: &[Prediction]) -> Self {
+        let part = |held_out: bool| {
+            let blocks: Vec<Block> = predictions
+                .iter()
+                .flat_map(|p| Block::of(p, held_out, subject.inverse()))
+                .collect();
+            Spread::of(&blocks)
+        };
+        Self {
+            train: part(false),
+            held_out: part(true),
         }
     }
 }
