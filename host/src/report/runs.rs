@@ -124,7 +124,7 @@ impl View<'_> {
             title,
             y_label: format!("{} [{unit}]", name.to_lowercase()),
             height: 280,
-            limit: Some(around(self.measured(), 0.5).map(|x| x * factor)),
+            limit: Some(around(&self.prediction.measured, 0.5).map(|x| x * factor)),
             group: Some(format!("run-{}", self.index)),
             ..self.plot(true, self.models(), factor)
         }
@@ -220,7 +220,7 @@ impl View<'_> {
     /// Series over time in the plot's unit, thinned, with the held-out part shaded.
     fn plot(&self, measured: bool, models: [Option<Vec<f64>>; 2], factor: f64) -> Plot {
         // A line to a point that is too far away is not drawn at all, so what runs away stops short of that.
-        let far = FAR * largest(self.measured()).max(f64::MIN_POSITIVE);
+        let far = FAR * largest(&self.prediction.measured).max(f64::MIN_POSITIVE);
         let t = &self.subject.recordings[self.index].t;
         let names = self.subject.names();
         let [before, after] = models;
