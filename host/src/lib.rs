@@ -2,6 +2,7 @@
 //!
 //! Data goes one way, and a module uses only those before it in this order:
 //! recordings and models → weak-form rows → identification → diagnosis → report → command line.
+//! [`format`] prints numbers for all of them and uses none.
 
 pub mod axis;
 pub mod cli;
@@ -10,6 +11,7 @@ pub mod dictionary;
 pub mod effects;
 pub mod error;
 pub mod fit;
+pub mod format;
 pub mod identify;
 pub mod linear;
 pub mod model;

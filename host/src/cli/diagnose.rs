@@ -71,7 +71,7 @@ impl Command {
         progress.set_message("fitting the baseline");
         let (bench, baseline) = identify(&recordings, &model)?;
         let outcome = diagnose(&bench, &baseline, &recordings, &|what| {
-            progress.set_message(what.to_owned())
+            progress.set_message(what.to_owned());
         })?;
         progress.set_message("writing");
         let mut outputs = Outputs::default();
@@ -82,7 +82,7 @@ impl Command {
         })?;
         let written = outputs.write()?;
         progress.finish_and_clear();
-        terminal::diagnosis(&outcome.diagnosis);
+        terminal::diagnosis(&outcome.diagnosis, outcome.after.causality);
         terminal::written(&written);
         Ok(outcome.diagnosis.verdict)
     }
