@@ -199,7 +199,9 @@ pub fn inverse(axis: &Axis, recording: &Recording, track: &Track) -> Vec<f64> {
             let k = (((t - track.start) / track.period).round().max(0.0) as usize).min(last);
             let (a, b) = (k.max(1) - 1, (k + 1).min(last));
             let acceleration = (track.v[b] - track.v[a]) / ((b - a) as f64 * track.period);
-            let s = if track.v[k] == 0.0 {
+            // At rest friction balances whatever else acts, which no model of the motion says.
+            let rests = track.sliding[k.min(track.sliding.len() - 1)] == 0.0;
+            let s = if rests || track.v[k] == 0.0 {
                 0.0
             } else {
                 track.v[k].signum()

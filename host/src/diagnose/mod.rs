@@ -10,6 +10,7 @@ use serde::Serialize;
 
 pub use locate::Where;
 
+use crate::effects;
 use crate::error::Result;
 use crate::fit::{self, Fit};
 use crate::identify::{Identified, Workbench};
@@ -401,18 +402,13 @@ fn rivals(
         .iter()
         .filter(|o| o.delta_bic >= 0.5 * selected.trial.delta_bic);
     let rival = |other: &Trial| {
-        let id = other.effect.id();
-        let confusions = selected.trial.effect.confusions();
         let instead = bench.fit(&select::with_trial(before, other), recordings)?;
         Ok(Rival {
-            id,
+            id: other.effect.id(),
             delta_bic: other.delta_bic,
             model: estimates(&instead.model, None),
             fit: instead.fit,
-            tell_apart_by: confusions.iter().find(|c| c.id == id).map_or_else(
-                || format!("record again so that both are excited: bristle explain {id} says what excites it"),
-                |c| c.tell_apart_by.to_owned(),
-            ),
+            tell_apart_by: effects::tell_apart(selected.trial.effect, other.effect),
         })
     };
     close.map(rival).collect()
@@ -484,12 +480,16 @@ fn verdict_sentence(
     findings: &[Finding],
     unexplained: Option<&Unexplained>,
 ) -> String {
-    let names: Vec<&str> = findings.iter().map(|f| f.id).collect();
+    let names: Vec<String> = findings
+        .iter()
+        .map(|f| format!("{} ({})", f.name, f.id))
+        .collect();
     match verdict {
         Verdict::Adequate => "The model is adequate: nothing significant is left out.".to_owned(),
         Verdict::Explained => format!(
-            "The model leaves out {}; with it in, nothing significant remains.",
-            names.join(" and ")
+            "The model leaves out: {}. With {} in, nothing significant remains.",
+            names.join("; "),
+            if names.len() > 1 { "them" } else { "it" }
         ),
         Verdict::Unknown => {
             let Some(unexplained) = unexplained else {
@@ -502,7 +502,7 @@ fn verdict_sentence(
             let found = if names.is_empty() {
                 String::new()
             } else {
-                format!(" besides {}", names.join(" and "))
+                format!(" besides {}", names.join("; "))
             };
             format!(
                 "Something is left out{found} that no effect of the catalogue explains; it depends on {coordinate}."

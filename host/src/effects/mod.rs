@@ -260,6 +260,43 @@ pub fn find(id: &str) -> Option<&'static dyn Effect> {
     ALL.iter().copied().find(|e| e.id() == id)
 }
 
+/// The text under a heading of an effect's documentation, on one line.
+pub fn section(doc: &str, heading: &str) -> Option<String> {
+    let lines = doc
+        .lines()
+        .map_while(|l| l.strip_prefix("//!"))
+        .map(str::trim);
+    let body: Vec<&str> = lines
+        .skip_while(|l| l.strip_prefix("# ") != Some(heading))
+        .skip(1)
+        .take_while(|l| !l.starts_with("# "))
+        .filter(|l| !l.is_empty())
+        .collect();
+    (!body.is_empty()).then(|| body.join(" "))
+}
+
+/// The experiment that tells two effects apart: as either of them documents it, else one that excites both.
+pub fn tell_apart(one: &dyn Effect, other: &dyn Effect) -> String {
+    let documented = |a: &dyn Effect, b: &dyn Effect| {
+        let mut confusions = a.confusions().iter();
+        confusions
+            .find(|c| c.id == b.id())
+            .map(|c| c.tell_apart_by.to_owned())
+    };
+    let excites = |e: &dyn Effect| section(e.doc(), "What excites it").unwrap_or_default();
+    documented(one, other)
+        .or_else(|| documented(other, one))
+        .unwrap_or_else(|| {
+            format!(
+                "excite both in one recording; {}: {} {}: {}",
+                one.id(),
+                excites(one),
+                other.id(),
+                excites(other)
+            )
+        })
+}
+
 macro_rules! planned {
     ($($id:literal : $summary:literal),* $(,)?) => {
         /// Effects that have an id but are not diagnosed yet.
@@ -292,7 +329,7 @@ fn geometric(low: f64, high: f64, count: usize) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::{ALL, Motion, PLANNED, Point, find};
+    use super::{ALL, Motion, PLANNED, Point, find, section, tell_apart};
 
     #[test]
     fn the_catalogue_has_the_24_ids_once_each() {
@@ -305,6 +342,25 @@ mod tests {
         ids.dedup();
         assert_eq!(ids.len(), 24);
         assert!(find("stribeck").is_some() && find("backlash").is_none());
+    }
+
+    #[test]
+    fn sections_of_the_documentation_are_found() {
+        assert_eq!(
+            section("//! # A\n//! b\n//! c\n//! # D\n", "A").unwrap(),
+            "b c"
+        );
+        assert!(section("//! # A\n", "B").is_none());
+    }
+
+    #[test]
+    fn any_two_effects_can_be_told_apart() {
+        for one in ALL {
+            for other in ALL.iter().filter(|o| o.id() != one.id()) {
+                let text = tell_apart(*one, *other);
+                assert!(text.len() > 30 && !text.contains("//!"), "{text}");
+            }
+        }
     }
 
     #[test]

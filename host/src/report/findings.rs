@@ -4,7 +4,7 @@ use super::page::{Item, Section, Table};
 use super::spread::Spread;
 use super::subject::Subject;
 use super::tables::{estimate_text, nrmse};
-use crate::diagnose::{Diagnosis, Finding, Rival, Unexplained, Verdict};
+use crate::diagnose::{Diagnosis, Finding, Unexplained, Verdict};
 use crate::effects;
 use crate::format::{percent, quantity, range, significant, whole_percent};
 
@@ -178,15 +178,16 @@ pub(super) fn next_experiment(subject: &Subject, diagnosis: &Diagnosis) -> Secti
     for finding in &diagnosis.findings {
         for rival in &finding.rivals {
             points.push(format!(
-                "{} or {}? {}",
+                "{} or {}? {}.",
                 finding.name,
                 rival.id,
-                decide(finding, rival)
+                capitalised(&rival.tell_apart_by)
             ));
         }
         if finding.rivals.is_empty() {
             points.extend(
-                excites(finding.id)
+                effects::find(finding.id)
+                    .and_then(|e| effects::section(e.doc(), "What excites it"))
                     .map(|text| format!("{}: to pin its values down: {text}", finding.name)),
             );
         }
@@ -210,30 +211,6 @@ pub(super) fn next_experiment(subject: &Subject, diagnosis: &Diagnosis) -> Secti
     }
 }
 
-/// The experiment that tells a finding from its rival: as either of them documents it, else one that excites both.
-fn decide(finding: &Finding, rival: &Rival) -> String {
-    let documented = |id: &str, other: &str| {
-        let confusions = effects::find(id)?.confusions().iter();
-        confusions
-            .clone()
-            .find(|c| c.id == other)
-            .map(|c| c.tell_apart_by)
-    };
-    let text = documented(finding.id, rival.id).or_else(|| documented(rival.id, finding.id));
-    match (text, excites(finding.id), excites(rival.id)) {
-        (Some(text), ..) => format!("{}.", capitalised(text)),
-        (None, Some(one), Some(other)) => format!(
-            "Excite both in one recording. {}: {one} {}: {other}",
-            finding.id, rival.id
-        ),
-        _ => format!("{}.", capitalised(&rival.tell_apart_by)),
-    }
-}
-
-fn excites(id: &str) -> Option<String> {
-    doc_section(effects::find(id)?.doc(), "What excites it")
-}
-
 /// A clause as a sentence, without its full stop.
 fn capitalised(clause: &str) -> String {
     let mut letters = clause.trim_end_matches('.').chars();
@@ -253,41 +230,9 @@ fn covered(subject: &Subject) -> String {
     )
 }
 
-/// The text under a heading of an effect's documentation, on one line.
-fn doc_section(doc: &str, heading: &str) -> Option<String> {
-    let lines = doc
-        .lines()
-        .map_while(|l| l.strip_prefix("//!"))
-        .map(str::trim);
-    let body: Vec<&str> = lines
-        .skip_while(|l| l.strip_prefix("# ") != Some(heading))
-        .skip(1)
-        .take_while(|l| !l.starts_with("# "))
-        .filter(|l| !l.is_empty())
-        .collect();
-    (!body.is_empty()).then(|| body.join(" "))
-}
-
 #[cfg(test)]
 mod tests {
-    use super::{advice, doc_section};
-    use crate::effects;
-
-    #[test]
-    fn every_effect_says_what_excites_it() {
-        for effect in effects::ALL {
-            let text = doc_section(effect.doc(), "What excites it").unwrap();
-            assert!(
-                !text.contains('#') && !text.contains("//!") && text.len() > 10,
-                "{text}"
-            );
-        }
-        assert_eq!(
-            doc_section("//! # A\n//! b\n//! c\n//! # D\n", "A").unwrap(),
-            "b c"
-        );
-        assert!(doc_section("//! # A\n", "B").is_none());
-    }
+    use super::advice;
 
     #[test]
     fn an_unheard_of_coordinate_still_gets_advice() {
