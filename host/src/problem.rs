@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use std::rc::Rc;
 
 use crate::effects::{Effect, Inner, Survey};
-use crate::model::Motion;
+use crate::motion::Motion;
 use crate::recording::Recording;
 use crate::weak::{Part, Track, Windows};
 

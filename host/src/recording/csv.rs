@@ -4,7 +4,8 @@ use std::path::Path;
 
 use super::{Recording, units};
 use crate::error::{Error, Result};
-use crate::model::{Columns, Motion};
+use crate::model::Columns;
+use crate::motion::Motion;
 
 /// A column that the recording uses: where it stands, what it is called there, and its factor to SI.
 struct Column {
@@ -224,7 +225,8 @@ fn number(cell: &str, decimal_comma: bool) -> std::result::Result<f64, String> {
 #[cfg(test)]
 mod tests {
     use super::{Reader, delimiter, split_unit};
-    use crate::model::{Columns, Motion};
+    use crate::model::Columns;
+    use crate::motion::Motion;
     use std::path::Path;
 
     fn parse(text: &str, columns: &Columns) -> crate::error::Result<super::Recording> {

@@ -6,7 +6,8 @@ mod units;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
-use crate::model::{Columns, Motion};
+use crate::model::Columns;
+use crate::motion::Motion;
 
 /// One run of one axis, in SI units.
 ///

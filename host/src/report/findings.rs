@@ -6,7 +6,7 @@ use super::spread::Spread;
 use super::subject::Subject;
 use crate::diagnose::{Diagnosis, Finding, Unexplained, Verdict};
 use crate::effects;
-use crate::model::Motion;
+use crate::motion::Motion;
 
 /// The findings with their evidence and rivals, and what stays unexplained.
 pub(super) fn section(diagnosis: &Diagnosis, held_out: &Spread) -> Section {

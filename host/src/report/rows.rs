@@ -7,7 +7,8 @@ use super::subject::Subject;
 use crate::axis::Axis;
 use crate::diagnose::Where;
 use crate::error::Result;
-use crate::model::{Model, Motion};
+use crate::model::Model;
+use crate::motion::Motion;
 use crate::system;
 
 /// Dots of one map; more would only hide each other.

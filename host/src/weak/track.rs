@@ -2,7 +2,7 @@
 
 use super::smooth::Differentiator;
 use crate::effects::{Point, Survey};
-use crate::model::Motion;
+use crate::motion::Motion;
 use crate::recording::Recording;
 
 /// A recording ready for the weak form. Node `k` is the instant `start + k·period`; cell `k` lies between
@@ -304,7 +304,7 @@ fn position_noise(q: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::{Held, Track, mean_sign, position_noise, resample};
-    use crate::model::Motion;
+    use crate::motion::Motion;
     use crate::recording::Recording;
 
     #[test]
