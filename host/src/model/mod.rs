@@ -2,6 +2,7 @@
 
 mod file;
 mod parameter;
+mod place;
 
 use std::collections::BTreeMap;
 

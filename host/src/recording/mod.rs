@@ -1,6 +1,7 @@
 //! Recordings: what was applied to an axis and how it moved.
 
 mod csv;
+mod header;
 mod units;
 
 use std::path::{Path, PathBuf};
@@ -44,9 +45,9 @@ impl Recording {
                 ),
             });
         }
-        let recording = csv::read(path, columns, motion)?;
-        recording.check()?;
-        Ok(recording)
+        let table = csv::read(path, columns, motion)?;
+        table.recording.check(table.lines)?;
+        Ok(table.recording)
     }
 
     /// The measured quantity that the fit is judged on: position, or velocity where only that was measured.
@@ -72,7 +73,8 @@ impl Recording {
         )
     }
 
-    fn check(&self) -> Result<()> {
+    /// Refuses what cannot carry a fit; the samples stand on these lines, first and last.
+    fn check(&self, (first, last): (usize, usize)) -> Result<()> {
         let fail = |what: String| {
             Err(Error::Recording {
                 path: self.path.clone(),
@@ -81,24 +83,21 @@ impl Recording {
         };
         if self.len() < FEWEST_SAMPLES {
             return fail(format!(
-                "line {}, column t: the recording ends after {} samples; at least {FEWEST_SAMPLES} are needed, so record for longer or at a higher rate",
-                self.len() + 1,
+                "line {last}, column t: the recording ends after {} samples; at least {FEWEST_SAMPLES} are needed, so record for longer or at a higher rate",
                 self.len()
             ));
         }
         let constant = |x: &[f64]| x.iter().all(|&value| value == x[0]);
         if constant(&self.u) {
             return fail(format!(
-                "line 2 to {}, column u: u is {} throughout; nothing drives the axis, so nothing can be learnt: check the column mapping, or record with an excitation",
-                self.len() + 1,
+                "lines {first} to {last}, column u: u is {} throughout; nothing drives the axis, so nothing can be learnt: check the column mapping, or record with an excitation",
                 self.u[0]
             ));
         }
         if constant(self.measured()) {
             let name = if self.q.is_some() { "q" } else { "v" };
             return fail(format!(
-                "line 2 to {}, column {name}: {name} never changes: the axis did not move; record with a drive above break-away",
-                self.len() + 1
+                "lines {first} to {last}, column {name}: {name} never changes: the axis did not move; record with a drive above break-away"
             ));
         }
         Ok(())
