@@ -3,6 +3,8 @@
 
 mod cli;
 
+use std::fmt::Write;
+
 use cli::{Folder, PLAIN, Sample, csv, record};
 
 /// Long enough for every command to succeed, if nothing were wrong.
@@ -359,12 +361,12 @@ fn outputs_that_cannot_be_written() {
         for verb in ["identify", "diagnose"] {
             for option in ["--model-out", "--json", "--report"] {
                 // The other outputs are fine, and must not be written either.
-                let others = ["--model-out", "--json", "--report"]
-                    .into_iter()
-                    .filter(|o| *o != option)
-                    .map(|o| format!(" {o} fine{o}"))
-                    .collect::<String>();
-                let line = format!("{verb} run.csv --model axis.toml {option} {bad}{others}");
+                let mut line = format!("{verb} run.csv --model axis.toml {option} {bad}");
+                for other in ["--model-out", "--json", "--report"] {
+                    if other != option {
+                        let _ = write!(line, " {other} fine{other}");
+                    }
+                }
                 refused(&folder, &line, &[bad, "cannot be written"]);
             }
         }
@@ -567,7 +569,7 @@ fn velocity_alone_is_taken() {
     for [before, now, after] in samples.array_windows() {
         let v = (after.q - before.q) / (after.t - before.t);
         let rpm = v * 60.0 / std::f64::consts::TAU;
-        text += &format!("{:?},{:?},{rpm:?}\n", now.t, now.u);
+        let _ = writeln!(text, "{:?},{:?},{rpm:?}", now.t, now.u);
     }
     for (found, truth) in identified(text, "").iter().zip([0.012, 0.12, 0.02]) {
         assert!((found / truth - 1.0).abs() < 0.05, "{found} and {truth}");

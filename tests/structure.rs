@@ -121,7 +121,11 @@ fn backward_uses(source_folder: &Path) -> Vec<String> {
             continue;
         };
         let text = read(&path);
-        assert!(!text.contains("super::super"), "{inside:?}: write crate::");
+        assert!(
+            !text.contains("super::super"),
+            "{}: write crate::",
+            inside.display()
+        );
         for used in uses(&text) {
             if place(&used).is_none_or(|place| place > own) {
                 found.push(format!("{} uses {used}", inside.display()));

@@ -153,6 +153,9 @@ impl Problem {
     }
 
     /// What all recordings together cover.
+    ///
+    /// # Panics
+    /// Without a single recording.
     pub fn survey(&self) -> Survey {
         let surveys = self
             .tracks

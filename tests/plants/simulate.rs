@@ -42,8 +42,8 @@ pub fn simulate(recipe: &Recipe) -> Recording {
             best = Some((cost, recording));
         }
     }
-    best.map(|(_, recording)| recording)
-        .unwrap_or_else(|| panic!("no attempt moves: {recipe:?}"))
+    best.unwrap_or_else(|| panic!("no attempt moves: {recipe:?}"))
+        .1
 }
 
 impl<'a> Trial<'a> {

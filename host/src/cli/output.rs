@@ -1,6 +1,6 @@
 //! Output files: all are written, or none is touched.
 
-use std::fs::{File, Permissions};
+use std::fs::File;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -68,8 +68,9 @@ impl Staged {
         }
         let mut file = NamedTempFile::new_in(folder(&path))?;
         file.write_all(content.as_bytes())?;
-        if let Some(permissions) = existing.map(|m| m.permissions()).or(readable_by_others()) {
-            file.as_file().set_permissions(permissions)?;
+        match existing {
+            Some(existing) => file.as_file().set_permissions(existing.permissions())?,
+            None => readable_by_others(&file)?,
         }
         Ok(Self::File(file, path))
     }
@@ -98,14 +99,16 @@ fn place(path: &Path) -> PathBuf {
 
 /// Temporary files are private; results are ordinary files.
 #[cfg(unix)]
-fn readable_by_others() -> Option<Permissions> {
+fn readable_by_others(file: &NamedTempFile) -> io::Result<()> {
     use std::os::unix::fs::PermissionsExt;
-    Some(Permissions::from_mode(0o644))
+    let permissions = std::fs::Permissions::from_mode(0o644);
+    file.as_file().set_permissions(permissions)
 }
 
 #[cfg(not(unix))]
-fn readable_by_others() -> Option<Permissions> {
-    None
+#[expect(clippy::unnecessary_wraps, reason = "on other systems it can fail")]
+fn readable_by_others(_file: &NamedTempFile) -> io::Result<()> {
+    Ok(())
 }
 
 /// Refuses, before any work is done, outputs that cannot be written or would overwrite an input or each other.
@@ -127,7 +130,7 @@ pub(super) fn check(inputs: &[&Path], outputs: &[Option<&PathBuf>]) -> Result<()
         }
         let refuse = |kind: io::ErrorKind| {
             Err(Error::Unwritable {
-                path: output.to_path_buf(),
+                path: PathBuf::clone(output),
                 reason: kind.into(),
             })
         };

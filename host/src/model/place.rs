@@ -60,5 +60,7 @@ pub(super) fn syntax(text: &str, error: &TomlError) -> String {
 }
 
 fn line_of(text: &str, byte: usize) -> usize {
-    1 + text.bytes().take(byte).filter(|&b| b == b'\n').count()
+    text.as_bytes()[..byte.min(text.len())]
+        .split(|&b| b == b'\n')
+        .count()
 }

@@ -25,7 +25,7 @@ pub(super) fn read(path: &Path, columns: &Columns, motion: Motion) -> Result<Tab
         path: path.to_owned(),
         what: format!(
             "line {}: not text in UTF-8; give a CSV file, or save this one as UTF-8",
-            1 + valid.iter().filter(|&&b| b == b'\n').count()
+            valid.split(|&b| b == b'\n').count()
         ),
     };
     // A NUL is valid UTF-8 but no table has one: it marks binary files and UTF-16.

@@ -106,7 +106,7 @@ pub(super) fn unit(unit: &str) -> String {
 pub(super) fn scaled_unit(largest: f64, unit: &str) -> (f64, String) {
     let unit = self::unit(unit);
     let prefixable = unit.starts_with("rad") || unit.starts_with('m') || unit.starts_with('N');
-    if !prefixable || !(largest > 0.0 && largest.is_finite()) {
+    if !(prefixable && largest > 0.0 && largest.is_finite()) {
         return (1.0, unit);
     }
     for (factor, prefix) in [(1.0, ""), (1e3, "m"), (1e6, "µ")] {

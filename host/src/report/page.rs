@@ -211,6 +211,7 @@ fn even<S: Serializer>(values: &[f64], serializer: S) -> Result<S::Ok, S::Error>
     serializer.collect_seq(values.iter().map(|&x| rounded(x)))
 }
 
+#[expect(clippy::ref_option, reason = "the signature that serde asks for")]
 fn short_limit<S: Serializer>(limit: &Option<[f64; 2]>, serializer: S) -> Result<S::Ok, S::Error> {
     limit.map(|l| l.map(shortened)).serialize(serializer)
 }

@@ -137,7 +137,10 @@ fn an_identification_shows_its_parameters_with_errors() {
     let curve = series.iter().find(|s| s["role"] == "after").unwrap()["y"]
         .as_array()
         .unwrap();
-    let at = curve.iter().rposition(|y| y.is_number()).unwrap();
+    let at = curve
+        .iter()
+        .rposition(serde_json::Value::is_number)
+        .unwrap();
     let (v, torque) = (plot["x"][at].as_f64().unwrap(), curve[at].as_f64().unwrap());
     let factor = if plot["y_label"].as_str().unwrap().contains("[mN") {
         1e3

@@ -129,7 +129,7 @@ impl Track {
         let fitting = FILTERS
             .iter()
             .copied()
-            .filter(|half| 2 * half + 1 <= self.q.len() / 4);
+            .filter(|half| 2 * half < self.q.len() / 4);
         let mut chosen = FILTERS[0];
         for half in fitting {
             chosen = half;
