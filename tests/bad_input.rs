@@ -126,6 +126,7 @@ fn cells_that_are_no_numbers() {
         ("-Infinity", "-Infinity is not a finite number"),
         ("1e999", "1e999 is not a finite number"),
         ("abc", "\"abc\" is not a number"),
+        ("9.9e37", "9.9e37 is beyond anything an axis does"),
         ("1.2.3", "\"1.2.3\" is not a number"),
         ("0x10", "\"0x10\" is not a number"),
         ("", "the cell is empty"),
@@ -154,6 +155,13 @@ fn time_that_does_not_increase() {
     let t = samples()[898].t;
     let repeated = with_row(901, &format!("{t:?},0.1,0.1"));
     bad_recording(repeated, &["line 901, column t[s]", "does not increase"]);
+}
+
+#[test]
+fn clocks_that_were_set() {
+    let mut samples = samples();
+    samples[1000..].iter_mut().for_each(|s| s.t += 1.7e9);
+    bad_recording(csv(&samples), &["line 1002, column t", "time jumps"]);
 }
 
 #[test]
@@ -302,6 +310,15 @@ fn model_files() {
         ),
         &["line 3", "plant.inertia", "positive"],
     );
+    bad_model(
+        &good.replace("se = 0.001", "max = -0.001"),
+        &["line 3", "plant.inertia", "positive"],
+    );
+    bad_model(
+        &good.replace("coulomb = 0.12", "coulomb = -0.12"),
+        &["line 5", "friction.coulomb", "negative"],
+    );
+    bad_model(&format!("name = 5\n{good}"), &["line 1", "name", "quotes"]);
     bad_model(
         &good.replace("rotary", "round"),
         &["line 2", "plant.motion", "linear"],

@@ -71,7 +71,11 @@ impl Model {
         let gain = parameter(plant, "plant", "gain")?.unwrap_or_else(|| Parameter::known(1.0));
         let inertia = parameter(plant, "plant", "inertia")?.unwrap_or_default();
         for (name, parameter) in [("gain", &gain), ("inertia", &inertia)] {
-            if parameter.value.is_some_and(|v| v <= 0.0) {
+            if [parameter.value, parameter.max]
+                .iter()
+                .flatten()
+                .any(|v| *v <= 0.0)
+            {
                 let key = format!("plant.{name}");
                 return Err(at(
                     &key,
@@ -80,17 +84,26 @@ impl Model {
             }
         }
         let (law, coulomb, viscous, mut terms) = friction(section(&document, "friction")?)?;
+        // An estimate may come out below zero by its error, but nobody knows such a level.
+        if coulomb.known && coulomb.value.is_some_and(|v| v < 0.0) {
+            return Err(at(
+                "friction.coulomb",
+                "friction.coulomb is a level of friction and cannot be negative; write a positive number, or \"?\"",
+            ));
+        }
+        let name = match document.get("name") {
+            None => "axis",
+            Some(name) => name
+                .as_str()
+                .ok_or_else(|| at("name", "name must be text in quotes"))?,
+        };
         terms.extend(effect_terms(
             section(&document, "effects")?,
             motion,
             &terms,
         )?);
         Ok(Self {
-            name: document
-                .get("name")
-                .and_then(Item::as_str)
-                .unwrap_or("axis")
-                .to_owned(),
+            name: name.to_owned(),
             motion,
             input: input.to_owned(),
             causality,

@@ -12,8 +12,8 @@ use crate::motion::Motion;
 /// A recording and where in its file the samples stand, for messages.
 pub(super) struct Table {
     pub recording: Recording,
-    /// Lines of the first and of the last sample; the header's, if there is none.
-    pub lines: (usize, usize),
+    /// The line of the header, then that of each sample.
+    pub lines: Vec<usize>,
 }
 
 pub(super) fn read(path: &Path, columns: &Columns, motion: Motion) -> Result<Table> {
@@ -76,7 +76,7 @@ impl Reader<'_> {
         let mut values: Vec<Vec<f64>> = used.iter().map(|_| Vec::new()).collect();
         // With another delimiter than the comma, a comma inside a number can only be a decimal comma.
         let decimal_comma = delimiter != b',';
-        let mut lines = (1, 1);
+        let mut lines = vec![header.line];
         let mut row = csv::StringRecord::new();
         while table
             .read_record(&mut row)
@@ -101,7 +101,7 @@ impl Reader<'_> {
                 );
                 return Err(self.cell(line, &used[0], what));
             }
-            lines = (if values[0].len() == 1 { line } else { lines.0 }, line);
+            lines.push(line);
         }
         let mut values: BTreeMap<&str, Vec<f64>> =
             used.iter().map(|column| column.name).zip(values).collect();
@@ -196,6 +196,9 @@ fn delimiter(header: &str) -> u8 {
     }
 }
 
+/// Loggers mark what they miss by numbers as large as they have.
+const LARGEST: f64 = 1e30;
+
 fn number(cell: &str, decimal_comma: bool) -> std::result::Result<f64, String> {
     if cell.is_empty() {
         return Err("the cell is empty; fill it or remove the row".to_owned());
@@ -206,7 +209,10 @@ fn number(cell: &str, decimal_comma: bool) -> std::result::Result<f64, String> {
         cell.parse::<f64>()
     };
     match parsed {
-        Ok(value) if value.is_finite() => Ok(value),
+        Ok(value) if value.abs() < LARGEST => Ok(value),
+        Ok(value) if value.is_finite() => Err(format!(
+            "{cell} is beyond anything an axis does; if it marks a missing value, remove the row"
+        )),
         Ok(_) => Err(format!(
             "{cell} is not a finite number; remove the row or repair the logger"
         )),

@@ -29,6 +29,8 @@ pub struct Recording {
 
 /// Fewer samples than this cannot carry a diagnosis.
 const FEWEST_SAMPLES: usize = 200;
+/// Time may span this many times what the samples cover at their own rate.
+const LONGEST_GAP: f64 = 1000.0;
 
 impl Recording {
     /// Reads a recording, renaming columns by `columns` and converting units for an axis that moves by `motion`.
@@ -46,7 +48,7 @@ impl Recording {
             });
         }
         let table = csv::read(path, columns, motion)?;
-        table.recording.check(table.lines)?;
+        table.recording.check(&table.lines)?;
         Ok(table.recording)
     }
 
@@ -73,8 +75,8 @@ impl Recording {
         )
     }
 
-    /// Refuses what cannot carry a fit; the samples stand on these lines, first and last.
-    fn check(&self, (first, last): (usize, usize)) -> Result<()> {
+    /// Refuses what cannot carry a fit; `lines` are those of the header and of each sample.
+    fn check(&self, lines: &[usize]) -> Result<()> {
         let fail = |what: String| {
             Err(Error::Recording {
                 path: self.path.clone(),
@@ -83,8 +85,23 @@ impl Recording {
         };
         if self.len() < FEWEST_SAMPLES {
             return fail(format!(
-                "line {last}, column t: the recording ends after {} samples; at least {FEWEST_SAMPLES} are needed, so record for longer or at a higher rate",
+                "line {}, column t: the recording ends after {} samples; at least {FEWEST_SAMPLES} are needed, so record for longer or at a higher rate",
+                lines.last().unwrap_or(&1),
                 self.len()
+            ));
+        }
+        let (first, last) = (lines[1], lines[self.len()]);
+        let mut steps: Vec<f64> = self.t.windows(2).map(|t| t[1] - t[0]).collect();
+        let longest = (0..steps.len())
+            .max_by(|&a, &b| steps[a].total_cmp(&steps[b]))
+            .unwrap_or_default();
+        let (from, to) = (self.t[longest], self.t[longest + 1]);
+        steps.sort_by(f64::total_cmp);
+        let recorded = steps[steps.len() / 2] * self.len() as f64;
+        if self.t[self.len() - 1] - self.t[0] > LONGEST_GAP * recorded {
+            return fail(format!(
+                "line {}, column t: time jumps from {from} s to {to} s, far beyond what was recorded; repair the clock, or give the parts as recordings of their own",
+                lines[longest + 2]
             ));
         }
         let constant = |x: &[f64]| x.iter().all(|&value| value == x[0]);
