@@ -4,8 +4,6 @@
 //! systematic, so its residual shows the noise; and the coordinate whose group helps most says where something
 //! that no effect of the catalogue explains lives.
 
-use std::rc::Rc;
-
 use crate::problem::{Column, Problem, Response};
 use crate::weak::Track;
 
@@ -60,6 +58,9 @@ impl Dictionary {
     ///
     /// Functions of the input are left out where the input is the response. Its rate of change is in no group: in
     /// closed loop the input answers the disturbance within a window, which is not physics left out.
+    ///
+    /// # Panics
+    /// With the problem of other recordings than the dictionary's.
     pub fn groups(&self, problem: &Problem) -> Vec<Group> {
         (0..self.tracks[0].len())
             .filter(|&g| {
@@ -67,18 +68,20 @@ impl Dictionary {
                     || !self.tracks[0][g].0.starts_with("input")
             })
             .map(|g| {
-                let (coordinate, functions) = &self.tracks[0][g];
-                let column = |f: usize| {
-                    let parts = self.tracks.iter().zip(&problem.windows);
-                    Rc::new(
-                        parts
-                            .flat_map(|(signals, w)| w.hold(&signals[g].1[f]))
-                            .collect(),
-                    )
-                };
+                let columns = problem.generic(g, || {
+                    (0..self.tracks[0][g].1.len())
+                        .map(|f| {
+                            let mut tracks = self.tracks.iter();
+                            problem.stack(|track, windows| {
+                                let signals = tracks.next().expect("signals of every track");
+                                windows.hold(track, &signals[g].1[f])
+                            })
+                        })
+                        .collect()
+                });
                 Group {
-                    coordinate,
-                    columns: (0..functions.len()).map(column).collect(),
+                    coordinate: self.tracks[0][g].0,
+                    columns,
                 }
             })
             .collect()

@@ -19,6 +19,8 @@ pub struct Error {
     pub nrmse: f64,
     /// RMS error in the unit of the measurement (of `u` for inverse recordings).
     pub rmse: f64,
+    /// RMS of the measured change, or of `u`.
+    pub signal: f64,
 }
 
 /// Errors of the training part and of the held-out part.
@@ -64,7 +66,7 @@ pub fn measured_state(recording: &Recording, track: &Track, sample: usize) -> St
     let smooth = track.v[k] + r * (right - track.v[k]);
     // An axis at rest starts at rest: quantisation must not push it.
     let v = if smooth.abs() <= 3.0 * track.velocity_noise
-        && track.barred[k.min(track.barred.len() - 1)]
+        && track.sliding[k.min(track.sliding.len() - 1)] == 0.0
     {
         0.0
     } else {
@@ -84,15 +86,22 @@ pub fn measured_state(recording: &Recording, track: &Track, sample: usize) -> St
 struct Sums {
     error: f64,
     signal: f64,
+    noise: f64,
     count: usize,
 }
+
+/// Larger relative errors are reported as this: a model that runs away is wrong, by however much.
+const WORST: f64 = 1e6;
 
 impl Sums {
     fn error(&self) -> Error {
         let count = self.count.max(1) as f64;
+        // At rest all that is measured is noise.
+        let signal = self.signal.max(self.noise).max(f64::MIN_POSITIVE);
         Error {
-            nrmse: (self.error / self.signal.max(f64::MIN_POSITIVE)).sqrt(),
+            nrmse: (self.error / signal).sqrt().min(WORST),
             rmse: (self.error / count).sqrt(),
+            signal: (self.signal / count).sqrt(),
         }
     }
 }
@@ -145,6 +154,11 @@ fn windows(
 ) {
     let positions = recording.q.is_some();
     let measured = recording.measured();
+    let noise = if positions {
+        track.position_noise
+    } else {
+        track.velocity_noise
+    };
     let mut first = range.start;
     while first < range.end {
         let end = recording
@@ -168,6 +182,7 @@ fn windows(
                 1e12
             };
             sums.signal += change * change;
+            sums.noise += noise * noise;
             sums.count += 1;
         }
         first = end;

@@ -58,8 +58,7 @@ impl Workbench {
     pub fn new(recordings: &[Recording], model: &Model) -> Result<Self> {
         let tracks = Problem::tracks(recordings, model.motion);
         let dictionary = Dictionary::new(&tracks);
-        let reach = choose_reach(&tracks, &dictionary, model)?;
-        let mut problem = Problem::new(tracks, &reach, model.motion, Response::Acceleration);
+        let mut problem = choose_width(&tracks, &dictionary, model)?;
         let train = problem.count(Part::Train);
         if train < FEWEST_ROWS {
             return Err(Error::NotIdentifiable(format!(
@@ -92,8 +91,11 @@ impl Workbench {
             .score(&self.folds)
             .ok_or_else(|| undetermined(&model))?;
         system.decode(&score.beta, &mut model);
-        if model.inertia.value.is_some_and(|j| j <= 0.0) {
-            return self.with_robust_inertia(model);
+        if model.inertia.value.is_some_and(|j| j <= 0.0) && !model.inertia.known {
+            return self.with_inertia(self.fallback_inertia(&model)?, model);
+        }
+        if let Some(term) = system::inadmissible(&model) {
+            return self.with_nothing_of(term, &model);
         }
         for k in 0..model.parameters().len() {
             if let Some(value) = model.parameters()[k]
@@ -107,23 +109,47 @@ impl Workbench {
         Ok((model, chi2))
     }
 
-    /// Estimates the rest of a model around the inertia found with all generic functions in.
-    fn with_robust_inertia(&self, mut model: Model) -> Result<(Model, f64)> {
-        if model.inertia.known || self.robust_inertia.is_none() {
-            return Err(Error::NotIdentifiable(
-                "the motion does not follow u: the estimated inertia is negative; check the sign of u and of q, and which columns they are".to_owned(),
-            ));
+    /// The inertia to take where a model leaves so much out that its own estimate is negative.
+    fn fallback_inertia(&self, model: &Model) -> Result<f64> {
+        if model.causality == Causality::Inverse {
+            // Nothing is integrated, so none at all will do.
+            return Ok(0.0);
         }
-        let bounds = std::mem::replace(
-            &mut model.inertia,
-            Parameter::known(self.robust_inertia.unwrap_or_default()),
-        );
+        self.robust_inertia.ok_or_else(|| {
+            Error::NotIdentifiable(
+                "the motion does not follow u: the estimated inertia is negative; check the signs of u and q and which columns they are, and that the recording accelerates the axis".to_owned(),
+            )
+        })
+    }
+
+    /// Estimates the rest of a model around a given inertia.
+    fn with_inertia(&self, inertia: f64, mut model: Model) -> Result<(Model, f64)> {
+        let bounds = std::mem::replace(&mut model.inertia, Parameter::known(inertia));
         let (mut model, chi2) = self.estimate(&model)?;
         model.inertia = Parameter {
-            value: model.inertia.value,
+            value: Some(inertia),
             ..bounds
         };
         Ok((model, chi2))
+    }
+
+    /// Estimates the rest of a model without a term that would have to be unphysical to fit better, and puts the term
+    /// back with coefficients of zero.
+    fn with_nothing_of(&self, term: usize, model: &Model) -> Result<(Model, f64)> {
+        let mut rest = model.clone();
+        let mut absent = rest.terms.remove(term);
+        let (mut rest, chi2) = self.estimate(&rest)?;
+        let coulomb = rest.coulomb.value.unwrap_or(0.0);
+        let effect = absent.effect;
+        let (inner, _) = effect.linear(&system::values(&absent), coulomb);
+        let named = effect.named(inner, &vec![0.0; effect.width()], coulomb);
+        for (parameter, value) in absent.parameters.iter_mut().zip(named) {
+            if !parameter.known {
+                (parameter.value, parameter.se) = (Some(value), Some(f64::INFINITY));
+            }
+        }
+        rest.terms.insert(term, absent);
+        Ok((rest, chi2))
     }
 
     /// Estimates and judges a model.
@@ -211,12 +237,16 @@ fn choose_response(
     if model.inertia.known {
         return Ok((Response::Acceleration, None));
     }
-    let generic: Vec<Rc<Vec<f64>>> = dictionary
-        .groups(problem)
-        .into_iter()
-        .filter(|g| !g.coordinate.starts_with("input"))
-        .flat_map(|g| g.columns)
-        .collect();
+    let generic = |keep: &dyn Fn(&str) -> bool| -> Vec<Rc<Vec<f64>>> {
+        dictionary
+            .groups(problem)
+            .into_iter()
+            .filter(|g| keep(g.coordinate))
+            .flat_map(|g| g.columns)
+            .collect()
+    };
+    let all = generic(&|coordinate| !coordinate.starts_with("input"));
+    let position = generic(&|coordinate| coordinate == "position");
     let mut inertia = |response: Response, generic: &[Rc<Vec<f64>>]| -> Result<Option<f64>> {
         problem.response = response;
         let system = System::new(problem, model)?;
@@ -242,9 +272,12 @@ fn choose_response(
             inertia(Response::Force, generic)?,
         ))
     };
-    let (full, plain) = (by_both_sides(&generic)?, by_both_sides(&[])?);
+    let (full, plain) = (by_both_sides(&all)?, by_both_sides(&[])?);
     let positive = |j: Option<f64>| j.filter(|j| *j > 0.0);
-    let robust = positive(full.1).or(positive(plain.1));
+    // A short recording may carry functions of position, gravity and springs among them, but not the whole dictionary.
+    let robust = positive(full.1)
+        .or(positive(by_both_sides(&position)?.1))
+        .or(positive(plain.1));
     let disagree = |(acceleration, force): (Option<f64>, Option<f64>), tolerance: f64| match (
         acceleration,
         force,
@@ -292,31 +325,33 @@ fn follow_everything(
     Ok((residual, columns.len()))
 }
 
-/// The narrowest width at which the encoder's noise no longer dominates, in samples of each track.
+/// The tracks under windows of the narrowest width at which the encoder's noise no longer dominates.
 ///
 /// Encoder noise in `∫q φ̈` falls with the width to the power −5/2, everything else with −1/2 at most. Where it makes
 /// up a third of the residual variance or less, widening gains little precision and loses resolution in time.
-fn choose_reach(tracks: &[Track], dictionary: &Dictionary, model: &Model) -> Result<Vec<usize>> {
+fn choose_width(tracks: &[Track], dictionary: &Dictionary, model: &Model) -> Result<Problem> {
     let reach = |track: &Track, width: f64| {
         let most = (track.q.len() / 40).max(FEWEST_SAMPLES);
         ((width / track.period).round() as usize).clamp(FEWEST_SAMPLES, most)
     };
-    let mut reaches = Vec::new();
-    for width in HALF_WIDTHS {
-        reaches = tracks.iter().map(|t| reach(t, width)).collect();
-        let problem = Problem::new(
+    let problem = |width: f64| {
+        let reaches: Vec<usize> = tracks.iter().map(|t| reach(t, width)).collect();
+        Problem::new(
             tracks.to_vec(),
             &reaches,
             model.motion,
             Response::Acceleration,
-        );
+        )
+    };
+    for width in HALF_WIDTHS {
+        let problem = problem(width);
         if problem.count(Part::Train) < FEWEST_ROWS
             || encoder_share(&problem, dictionary, model)? <= 1.0 / 3.0
         {
-            break;
+            return Ok(problem);
         }
     }
-    Ok(reaches)
+    Ok(problem(HALF_WIDTHS[HALF_WIDTHS.len() - 1]))
 }
 
 /// Share of the residual variance that encoder noise accounts for.

@@ -118,7 +118,11 @@ fn reversal_weights(problem: &Problem) -> Vec<f64> {
             .iter()
             .map(|c| if c.s.abs() < 1.0 { 1.0 } else { 0.0 })
             .collect();
-        windows.hold(&crossings).iter().map(|w| w * w).collect()
+        windows
+            .hold(track, &crossings)
+            .iter()
+            .map(|w| w * w)
+            .collect()
     })
 }
 

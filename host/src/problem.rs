@@ -103,13 +103,18 @@ impl Problem {
 
     /// Functional of a signal given in every cell of a track.
     pub fn cells(&self, signal: impl Fn(&Track, usize) -> f64) -> Vec<f64> {
-        self.stack(|t, w| w.hold(&(0..t.cells.len()).map(|k| signal(t, k)).collect::<Vec<_>>()))
+        self.stack(|t, w| {
+            w.hold(
+                t,
+                &(0..t.cells.len()).map(|k| signal(t, k)).collect::<Vec<_>>(),
+            )
+        })
     }
 
     /// `∫u(t − delay) φ`.
     pub fn input(&self, delay: f64) -> Column {
         self.cached(("input", [delay.to_bits(), 0]), || {
-            vec![self.stack(|t, w| w.hold(&t.input(delay)))]
+            vec![self.stack(|t, w| w.hold(t, &t.input(delay)))]
         })
         .remove(0)
     }
@@ -145,11 +150,16 @@ impl Problem {
                     signals.iter_mut().zip(&basis).for_each(|(s, b)| s.push(*b));
                 }
                 for (column, signal) in columns.iter_mut().zip(&signals) {
-                    column.extend(windows.hold(signal));
+                    column.extend(windows.hold(track, signal));
                 }
             }
             columns
         })
+    }
+
+    /// The columns of a group of generic functions.
+    pub fn generic(&self, group: usize, compute: impl FnOnce() -> Vec<Vec<f64>>) -> Vec<Column> {
+        self.cached(("generic", [group as u64, 0]), compute)
     }
 
     /// What all recordings together cover.

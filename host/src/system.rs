@@ -448,21 +448,26 @@ impl<F: Fn(&Model) -> DVector<f64>> Objective<'_, F> {
 /// Position of the inertia among [`Model::parameters`].
 const INERTIA: usize = 0;
 
-/// Positive inertia, and coefficients that physics allows.
+/// No negative inertia, and coefficients that physics allows.
 fn is_physical(model: &Model) -> bool {
+    model.inertia.value.is_none_or(|j| j >= 0.0) && inadmissible(model).is_none()
+}
+
+/// The first estimated term whose coefficients physics does not allow.
+pub fn inadmissible(model: &Model) -> Option<usize> {
     let coulomb = model.coulomb.value.unwrap_or(0.0);
-    model.inertia.value.is_none_or(|j| j > 0.0)
-        && model
-            .terms
-            .iter()
-            .all(|t| t.effect.admissible(&t.effect.linear(&values(t), coulomb).1))
+    let allowed = |t: &Term| t.effect.admissible(&t.effect.linear(&values(t), coulomb).1);
+    model
+        .terms
+        .iter()
+        .position(|t| t.parameters.iter().any(|p| !p.known) && !allowed(t))
 }
 
 /// Indices of the parameters that a fit may move.
 fn free_parameters(model: &Model) -> Vec<usize> {
     let parameters = model.parameters();
     (0..parameters.len())
-        .filter(|&k| !parameters[k].known && parameters[k].value.is_some())
+        .filter(|&k| !parameters[k].known && parameters[k].value.is_some() && !model.is_whole(k))
         .collect()
 }
 
@@ -538,7 +543,17 @@ fn standard_errors(
     }
     let small_sample = groups as f64 / (groups as f64 - 1.0).max(1.0);
     let sandwich = &inverse * (&gradients * gradients.transpose()) * &inverse * small_sample;
+    let whole: Vec<bool> = (0..model.parameters().len())
+        .map(|k| model.is_whole(k))
+        .collect();
     let mut parameters = model.parameters_mut();
+    for (parameter, _) in parameters
+        .iter_mut()
+        .zip(whole)
+        .filter(|(p, whole)| *whole && !p.known)
+    {
+        parameter.se = Some(0.0);
+    }
     for (j, &k) in free.iter().enumerate() {
         let variance = (sigma2 * inverse[(j, j)]).max(sandwich[(j, j)]);
         parameters[k].se = Some(variance.max(0.0).sqrt() / scale[j]);

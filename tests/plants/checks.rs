@@ -66,6 +66,7 @@ fn short(seed: u64, id: &'static str, size: f64) -> Recording {
         duration: 12.0,
         ..Recipe::random(seed, Some(id), size, Noise::Medium)
     })
+    .expect("an axis that moves")
 }
 
 #[test]

@@ -23,8 +23,9 @@ struct Trial<'a> {
     scale: Scale,
 }
 
-/// Simulates a recipe. Panics if it asks for an effect that its motion or control cannot show.
-pub fn simulate(recipe: &Recipe) -> Recording {
+/// Simulates a recipe; `None` if no attempt moves. Panics if it asks for an effect that its motion or control cannot
+/// show.
+pub fn simulate(recipe: &Recipe) -> Option<Recording> {
     recipe.check();
     let mut best: Option<(f64, Recording)> = None;
     for attempt in 0..ATTEMPTS {
@@ -36,14 +37,13 @@ pub fn simulate(recipe: &Recipe) -> Recording {
         }
         let (cost, recording) = trial.record();
         if recording.truth.met {
-            return recording;
+            return Some(recording);
         }
         if best.as_ref().is_none_or(|(least, _)| cost < *least) {
             best = Some((cost, recording));
         }
     }
-    best.unwrap_or_else(|| panic!("no attempt moves: {recipe:?}"))
-        .1
+    best.map(|(_, recording)| recording)
 }
 
 impl<'a> Trial<'a> {

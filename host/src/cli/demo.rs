@@ -18,7 +18,7 @@ use crate::simulate::{State, advance};
 /// Run the main job on a built-in recording: an axis with concealed physics, simulated, recorded and diagnosed
 ///
 /// Simulates an axis under position control whose friction has a Stribeck curve, writes what its driver would have
-/// recorded (torque and a 4096-count encoder), and diagnoses that against a model which knows only Coulomb and
+/// recorded (torque and a 16384-count encoder), and diagnoses that against a model which knows only Coulomb and
 /// viscous friction.
 #[derive(Args, Debug)]
 pub(super) struct Command {
@@ -58,7 +58,7 @@ viscous = \"?\"
 
 const RATE: f64 = 1000.0;
 const SECONDS: usize = 24;
-const COUNTS: f64 = 4096.0;
+const COUNTS: f64 = 16384.0;
 /// Torque that acts on the axis and is not recorded, RMS, N·m.
 const DISTURBANCE: f64 = 0.01;
 

@@ -18,6 +18,7 @@ use crate::recording::Recording;
 use crate::system;
 use crate::weak::Part;
 use select::{FLOOR, Leftover, Selected};
+use trial::Trial;
 
 /// A value with its standard error and unit.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -70,6 +71,10 @@ pub struct Rival {
     pub id: &'static str,
     /// Its fall of BIC at the stage where the finding was preferred.
     pub delta_bic: f64,
+    /// All parameters of the model with it in the place of the finding.
+    pub model: Estimates,
+    /// The fit of that model.
+    pub fit: Fit,
     /// The experiment that decides.
     pub tell_apart_by: String,
 }
@@ -92,7 +97,9 @@ pub struct Finding {
     pub parameters: Estimates,
     /// Evidence for it.
     pub evidence: Evidence,
-    /// Fit with this finding and all before it.
+    /// All parameters of the model with this finding and those before it.
+    pub model: Estimates,
+    /// The fit of that model.
     pub fit: Fit,
     /// Rivals.
     pub rivals: Vec<Rival>,
@@ -160,6 +167,10 @@ pub struct Outcome {
 /// looked for (3 %), and about what smoothing and sampling leave behind where the noise is very low.
 const SMALLEST: f64 = 0.005;
 
+/// A model whose free run errs by more than this share of the motion on both parts is not adequate, whatever the weak
+/// form can tell apart.
+const HOPELESS: f64 = 0.5;
+
 /// Share of what generic functions gain that the named effects must reach: below it, the names are not the physics.
 const SHARE_OF_GENERIC: f64 = 0.6;
 
@@ -171,24 +182,23 @@ pub fn diagnose(
     progress: &dyn Fn(&str),
 ) -> Result<Outcome> {
     let before = &baseline.model;
-    let (selected, after) = select::select(bench, before, progress)?;
-    progress("confirming on the held-out part");
-    let (selected, after) = confirm(bench, before, selected, after, recordings)?;
+    let (selected, after) = confirmed(bench, before, recordings, progress)?;
     progress("looking for what is left");
     let base_error = error(bench, before)?;
     let mut leftover = select::leftover(bench, &after)?;
-    let mut remaining = error(bench, &after)?;
+    let remaining = error(bench, &after)?;
     let reached = (base_error - remaining)
         / (base_error - remaining * (1.0 - leftover.gain)).max(f64::MIN_POSITIVE);
     let significant = leftover.gain >= FLOOR && leftover.size >= SMALLEST;
     let (selected, after) = if significant && reached < SHARE_OF_GENERIC && !selected.is_empty() {
         leftover = select::leftover(bench, before)?;
-        remaining = base_error;
         (Vec::new(), before.clone())
     } else {
         (selected, after)
     };
-    let verdict = if significant {
+    let hopeless =
+        selected.is_empty() && baseline.fit.train.nrmse.min(baseline.fit.held_out.nrmse) > HOPELESS;
+    let verdict = if significant || hopeless {
         Verdict::Unknown
     } else if selected.is_empty() {
         Verdict::Adequate
@@ -205,7 +215,6 @@ pub fn diagnose(
     };
     let leftover = unexplained(&leftover);
     let unexplained = significant.then(|| leftover.clone());
-    let _ = remaining;
     let diagnosis = Diagnosis {
         schema: "bristle.diagnosis/1",
         verdict,
@@ -266,7 +275,30 @@ fn held_out_chi2(bench: &Workbench, model: &Model) -> f64 {
         .sum()
 }
 
-/// Drops effects without which the held-out part is predicted as well: weak-form error and free run both count.
+/// Selects effects and confirms them on the held-out part; what that part refutes makes room for others.
+fn confirmed(
+    bench: &Workbench,
+    before: &Model,
+    recordings: &[Recording],
+    progress: &dyn Fn(&str),
+) -> Result<(Vec<Selected>, Model)> {
+    let mut refuted: Vec<&str> = Vec::new();
+    loop {
+        let (selected, after) = select::select(bench, before, recordings, &refuted, progress)?;
+        progress("confirming on the held-out part");
+        let ids: Vec<&str> = selected.iter().map(|s| s.trial.effect.id()).collect();
+        let (kept, after) = confirm(bench, before, selected, after, recordings)?;
+        let dropped = |id: &&str| !kept.iter().any(|s| s.trial.effect.id() == *id);
+        let count = refuted.len();
+        refuted.extend(ids.into_iter().filter(dropped));
+        if refuted.len() == count {
+            return Ok((kept, after));
+        }
+    }
+}
+
+/// Drops effects without which the held-out part is predicted as well: weak-form error and free run both count, as far
+/// as the axis moves enough there for them to tell.
 fn confirm(
     bench: &Workbench,
     before: &Model,
@@ -274,14 +306,18 @@ fn confirm(
     mut after: Model,
     recordings: &[Recording],
 ) -> Result<(Vec<Selected>, Model)> {
+    let rows = bench.problem.count(Part::HeldOut);
     let mut k = selected.len();
     while k > 0 {
         k -= 1;
         let (without, _) = bench.estimate(&select::without(&after, before.terms.len() + k))?;
         let judge = |model: &Model| fit::judge(model, recordings, &bench.problem.tracks);
-        let weak_form_helps = held_out_chi2(bench, &after) < held_out_chi2(bench, &without);
+        let (with_it, without_it) = (judge(&after)?, judge(&without)?);
+        let moves = with_it.held_out.signal > LEAST_MOTION * with_it.train.signal;
+        let weak_form_helps =
+            rows < FEWEST_HELD_OUT || held_out_chi2(bench, &after) < held_out_chi2(bench, &without);
         let free_run_helps =
-            judge(&after)?.held_out.nrmse < FREE_RUN_TOLERANCE * judge(&without)?.held_out.nrmse;
+            !moves || with_it.held_out.nrmse < FREE_RUN_TOLERANCE * without_it.held_out.nrmse;
         if !(weak_form_helps && free_run_helps) {
             selected.remove(k);
             after = without;
@@ -293,6 +329,10 @@ fn confirm(
 /// A held-out free run over a handful of windows scatters by a few per cent through its measured starting
 /// velocities alone.
 const FREE_RUN_TOLERANCE: f64 = 1.05;
+/// A held-out part that moves by less than this share of the training part's motion says nothing about a free run.
+const LEAST_MOTION: f64 = 0.1;
+/// Nor do fewer rows than this about the weak form.
+const FEWEST_HELD_OUT: usize = 20;
 
 /// The findings in order of strength with their nested fits, and the fit of the final model.
 fn findings(
@@ -308,6 +348,7 @@ fn findings(
     let mut last_fit = baseline.fit;
     let mut last_error = base_error;
     let mut last_z = whitened(bench, &baseline.model);
+    let mut last_stage = baseline.model.clone();
     for (k, selected) in selected.iter().enumerate() {
         let mut stage = after.clone();
         stage.terms.truncate(first + k + 1);
@@ -331,10 +372,11 @@ fn findings(
                 delta_bic: selected.trial.delta_bic,
                 share_of_residual: (last_error - now) / base_error,
             },
+            model: estimates(&stage, None),
             fit: last_fit,
-            rivals: rivals(selected),
+            rivals: rivals(bench, &last_stage, selected, recordings)?,
         });
-        (last_error, last_z) = (now, z);
+        (last_error, last_z, last_stage) = (now, z, stage);
     }
     Ok((findings, last_fit))
 }
@@ -351,24 +393,33 @@ fn confidence(selected: &Selected, error_after: f64) -> f64 {
     (0.99 / (1.0 + others)).max(0.01)
 }
 
-fn rivals(selected: &Selected) -> Vec<Rival> {
+/// Effects that would have explained at least half as much, each fitted in the place of the finding.
+fn rivals(
+    bench: &Workbench,
+    before: &Model,
+    selected: &Selected,
+    recordings: &[Recording],
+) -> Result<Vec<Rival>> {
     let close = selected
         .others
         .iter()
         .filter(|o| o.delta_bic >= 0.5 * selected.trial.delta_bic);
-    close
-        .map(|other| {
-            let confusion = selected.trial.effect.confusions().iter().find(|c| c.id == other.effect.id());
-            Rival {
-                id: other.effect.id(),
-                delta_bic: other.delta_bic,
-                tell_apart_by: confusion.map_or_else(
-                    || format!("record again so that both are excited: bristle explain {} says what excites it", other.effect.id()),
-                    |c| c.tell_apart_by.to_owned(),
-                ),
-            }
+    let rival = |other: &Trial| {
+        let id = other.effect.id();
+        let confusions = selected.trial.effect.confusions();
+        let instead = bench.fit(&select::with_trial(before, other), recordings)?;
+        Ok(Rival {
+            id,
+            delta_bic: other.delta_bic,
+            model: estimates(&instead.model, None),
+            fit: instead.fit,
+            tell_apart_by: confusions.iter().find(|c| c.id == id).map_or_else(
+                || format!("record again so that both are excited: bristle explain {id} says what excites it"),
+                |c| c.tell_apart_by.to_owned(),
+            ),
         })
-        .collect()
+    };
+    close.map(rival).collect()
 }
 
 /// Parameters of a whole model, or of one of its terms with what follows from them.
@@ -445,8 +496,12 @@ fn verdict_sentence(
             names.join(" and ")
         ),
         Verdict::Unknown => {
+            let Some(unexplained) = unexplained else {
+                return "The model hardly predicts the motion, and the recording is too noisy or too uniform to tell what is left out: record again with both directions, several speeds and reversals.".to_owned();
+            };
             let coordinate = unexplained
-                .and_then(|u| u.coordinates.first())
+                .coordinates
+                .first()
                 .map_or("none of the coordinates alone", |c| c.0);
             let found = if names.is_empty() {
                 String::new()

@@ -3,8 +3,10 @@
 use super::trial::{Base, Trial};
 use crate::effects;
 use crate::error::Result;
+use crate::fit;
 use crate::identify::Workbench;
 use crate::model::Model;
+use crate::recording::Recording;
 use crate::system;
 
 /// Share by which the cross-validated squared error must fall: 10 % of the RMS error. Reversals and coloured noise
@@ -33,32 +35,35 @@ pub(super) struct Leftover {
     pub coordinates: Vec<(&'static str, f64)>,
 }
 
-/// Effects left out of `model`, strongest first, and the model that has them, refined.
+/// Effects left out of `model`, strongest first, and the model that has them, refined. Those in `excluded` are not tried.
 pub(super) fn select(
     bench: &Workbench,
     model: &Model,
+    recordings: &[Recording],
+    excluded: &[&str],
     progress: &dyn Fn(&str),
 ) -> Result<(Vec<Selected>, Model)> {
     let mut selected: Vec<Selected> = Vec::new();
     let mut current = model.clone();
-    while selected.len() < MOST {
-        progress(&format!(
-            "trying the catalogue, round {}",
-            selected.len() + 1
-        ));
-        let Some(found) = best(bench, &current)? else {
+    // A round that makes an earlier effect superfluous does not add to their number, hence the bound on rounds.
+    for round in 1..=2 * MOST {
+        if selected.len() == MOST {
+            break;
+        }
+        progress(&format!("trying the catalogue, round {round}"));
+        let Some(found) = best(bench, &current, recordings, excluded)? else {
             break;
         };
         let (next, _) = bench.estimate(&with_trial(&current, &found.trial))?;
         selected.push(found);
         current = next;
-        current = reexamine(bench, model, &mut selected, current)?;
+        current = reexamine(bench, model, &mut selected, current, recordings)?;
     }
     Ok((selected, current))
 }
 
 /// The model with the effect of a trial, started from the trial's inner parameter.
-fn with_trial(model: &Model, trial: &Trial) -> Model {
+pub(super) fn with_trial(model: &Model, trial: &Trial) -> Model {
     let mut next = model.with_effect(trial.effect);
     if let (Some(k), Some(term)) = (trial.effect.inner(), next.terms.last_mut()) {
         // A value with an error marks a start that the scan need not repeat.
@@ -73,11 +78,11 @@ fn passes(trial: &Trial) -> bool {
 }
 
 /// Every effect not yet in the model, tried on it; best first.
-pub(super) fn trials(base: &Base, model: &Model) -> Result<Vec<Trial>> {
+fn trials(base: &Base, model: &Model, excluded: &[&str]) -> Result<Vec<Trial>> {
     let mut trials = Vec::new();
     for &effect in effects::ALL
         .iter()
-        .filter(|e| e.applies(model.motion) && !model.has(e.id()))
+        .filter(|e| e.applies(model.motion) && !model.has(e.id()) && !excluded.contains(&e.id()))
     {
         trials.extend(base.attempt(effect)?);
     }
@@ -85,15 +90,54 @@ pub(super) fn trials(base: &Base, model: &Model) -> Result<Vec<Trial>> {
     Ok(trials)
 }
 
-fn best(bench: &Workbench, model: &Model) -> Result<Option<Selected>> {
+/// The effect with the best evidence among those that pass.
+///
+/// Where none does because noise on the input drowns their share of the weak form, those count that cut the error of
+/// the free run, which averages that noise: see [`predicts_better`].
+fn best(
+    bench: &Workbench,
+    model: &Model,
+    recordings: &[Recording],
+    excluded: &[&str],
+) -> Result<Option<Selected>> {
     let Some(base) = Base::new(bench, model)? else {
         return Ok(None);
     };
-    let mut passing = trials(&base, model)?.into_iter().filter(passes);
+    let (mut passing, rest): (Vec<Trial>, Vec<Trial>) = trials(&base, model, excluded)?
+        .into_iter()
+        .partition(passes);
+    if passing.is_empty() {
+        for trial in rest {
+            if predicts_better(bench, model, &trial, recordings)? {
+                passing.push(trial);
+            }
+        }
+    }
+    let mut passing = passing.into_iter();
     Ok(passing.next().map(|trial| Selected {
         trial,
         others: passing.collect(),
     }))
+}
+
+/// Whether an effect with significant evidence halves the squared error of the free run, on the training part and on
+/// the held-out part.
+fn predicts_better(
+    bench: &Workbench,
+    model: &Model,
+    trial: &Trial,
+    recordings: &[Recording],
+) -> Result<bool> {
+    if trial.delta_bic < LEAST_DELTA_BIC || trial.gain <= 0.0 {
+        return Ok(false);
+    }
+    let tracks = &bench.problem.tracks;
+    let (with, _) = bench.estimate(&with_trial(model, trial))?;
+    let before = fit::judge(model, recordings, tracks)?;
+    let after = fit::judge(&with, recordings, tracks)?;
+    let halves = |before: f64, after: f64| after * after < 0.5 * before * before;
+    Ok(halves(before.train.nrmse, after.train.nrmse)
+        && halves(before.held_out.nrmse, after.held_out.nrmse))
 }
 
 /// Drops effects that those selected later have made superfluous.
@@ -102,16 +146,19 @@ fn reexamine(
     baseline: &Model,
     selected: &mut Vec<Selected>,
     full: Model,
+    recordings: &[Recording],
 ) -> Result<Model> {
     let mut current = full;
     let mut k = 0;
     while selected.len() > 1 && k + 1 < selected.len() {
         let without = without(&current, baseline.terms.len() + k);
-        let needed = match Base::new(bench, &without)? {
-            Some(base) => base
-                .attempt(selected[k].trial.effect)?
-                .is_some_and(|t| passes(&t)),
-            None => true,
+        let trial = match Base::new(bench, &without)? {
+            Some(base) => base.attempt(selected[k].trial.effect)?,
+            None => None,
+        };
+        let needed = match trial {
+            Some(trial) => passes(&trial) || predicts_better(bench, &without, &trial, recordings)?,
+            None => false,
         };
         if needed {
             k += 1;

@@ -67,7 +67,10 @@ impl<'a> Base<'a> {
             return Ok(None);
         };
         let mut inner = grid[k];
-        if grid.len() > 1 {
+        let whole = effect
+            .inner()
+            .is_some_and(|k| effect.parameters()[k].quantity.is_whole(self.model.motion));
+        if grid.len() > 1 && !whole {
             let bracket = (grid[k.max(1) - 1], grid[(k + 1).min(grid.len() - 1)]);
             (inner, score) = self.refine(effect, bracket, (inner, score))?;
         }

@@ -85,6 +85,11 @@ pub enum Quantity {
 }
 
 impl Quantity {
+    /// Whether only whole numbers make sense: what repeats within a turn closes on itself.
+    pub fn is_whole(self, motion: Motion) -> bool {
+        self == Self::Periodicity && motion == Motion::Rotary
+    }
+
     /// The SI unit on an axis of this motion.
     pub fn unit(self, motion: Motion) -> &'static str {
         let (rotary, linear) = match self {

@@ -71,11 +71,11 @@ impl Model {
         let gain = parameter(plant, "plant", "gain")?.unwrap_or_else(|| Parameter::known(1.0));
         let inertia = parameter(plant, "plant", "inertia")?.unwrap_or_default();
         for (name, parameter) in [("gain", &gain), ("inertia", &inertia)] {
-            if [parameter.value, parameter.max]
-                .iter()
-                .flatten()
-                .any(|v| *v <= 0.0)
-            {
+            // An imposed motion needs no inertia.
+            let may_vanish = name == "inertia" && causality == Causality::Inverse;
+            let least = if may_vanish { 0.0 } else { f64::MIN_POSITIVE };
+            let given = [parameter.value, parameter.max];
+            if given.iter().flatten().any(|v| *v < least) {
                 let key = format!("plant.{name}");
                 return Err(at(
                     &key,

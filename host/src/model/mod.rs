@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 pub use parameter::Parameter;
 
-use crate::effects::{Effect, Quantity};
+use crate::effects::{Effect, Quantity, Spec};
 pub use crate::motion::Motion;
 
 /// Canonical column name to the name in the recording.
@@ -115,11 +115,21 @@ impl Model {
         parameter.value = Some(parameter.clamp(value.clamp(physical.0, physical.1)));
     }
 
+    /// Whether parameter `k` of [`Model::parameters`] is a whole number, which no gradient finds.
+    pub fn is_whole(&self, k: usize) -> bool {
+        self.spec(k)
+            .is_some_and(|spec| spec.quantity.is_whole(self.motion))
+    }
+
     fn physical_bounds(&self, k: usize) -> (f64, f64) {
-        let specs = self.terms.iter().flat_map(|t| t.effect.parameters());
-        k.checked_sub(4)
-            .and_then(|k| specs.clone().nth(k))
+        self.spec(k)
             .map_or((f64::NEG_INFINITY, f64::INFINITY), |spec| spec.bounds)
+    }
+
+    /// Declaration of parameter `k` of [`Model::parameters`], if it belongs to an effect.
+    fn spec(&self, k: usize) -> Option<&'static Spec> {
+        let mut specs = self.terms.iter().flat_map(|t| t.effect.parameters());
+        specs.nth(k.checked_sub(4)?)
     }
 
     /// A label for each of [`Model::parameters`].

@@ -100,7 +100,7 @@ impl Parameter {
                     ("max", self.max),
                 ];
                 for (key, value) in numbers {
-                    if let Some(value) = value {
+                    if let Some(value) = value.filter(|v| v.is_finite()) {
                         table.insert(key, Value::from(value));
                     }
                 }

@@ -1,5 +1,6 @@
 //! From recordings to weak-form rows: uniform tracks, smoothed velocity, windows and functionals.
 
+mod reversal;
 mod smooth;
 mod track;
 mod windows;

@@ -1,12 +1,16 @@
 //! Velocity from positions by local cubic regression (Savitzky and Golay 1964).
 
-use nalgebra::{DMatrix, DVector};
+use std::ops::Range;
+
+use nalgebra::DMatrix;
 
 /// Derivative filter over `2·half + 1` samples; exact for cubics, also at the ends of the recording.
 pub(super) struct Differentiator {
     half: usize,
     /// Row `j`: weights for the derivative at sample `j` of the window, per sampling interval.
     weights: DMatrix<f64>,
+    /// Row `j`: weights for the value at sample `j`.
+    values: DMatrix<f64>,
 }
 
 impl Differentiator {
@@ -26,8 +30,14 @@ impl Differentiator {
         });
         Self {
             half,
-            weights: slopes * fit,
+            weights: slopes * &fit,
+            values: design * fit,
         }
+    }
+
+    /// Samples on either side of a window's centre.
+    pub(super) fn half(&self) -> usize {
+        self.half
     }
 
     /// Standard deviation of the derivative at the window's centre for unit white noise on the samples.
@@ -37,15 +47,29 @@ impl Differentiator {
 
     /// Derivative of `x` per sampling interval, at every sample.
     pub(super) fn apply(&self, x: &[f64]) -> Vec<f64> {
-        let n = self.weights.ncols();
-        let last = x.len() - n;
         (0..x.len())
-            .map(|i| {
-                let start = i.saturating_sub(self.half).min(last);
-                let window = DVector::from_column_slice(&x[start..start + n]);
-                self.weights.row(i - start).transpose().dot(&window)
-            })
+            .map(|i| self.at(&self.weights, x, i).0)
             .collect()
+    }
+
+    /// Variance of the noise on some samples as the filter sees it: what the local cubics leave, per degree of freedom.
+    pub(super) fn variance(&self, x: &[f64], samples: Range<usize>) -> f64 {
+        let (mut squares, mut freedom) = (0.0, 0.0);
+        for i in samples {
+            let (value, leverage) = self.at(&self.values, x, i);
+            squares += (x[i] - value).powi(2);
+            freedom += 1.0 - leverage;
+        }
+        squares / freedom
+    }
+
+    /// What the weights make of the window around sample `i`, and the weight of that sample itself.
+    fn at(&self, weights: &DMatrix<f64>, x: &[f64], i: usize) -> (f64, f64) {
+        let n = weights.ncols();
+        let start = i.saturating_sub(self.half).min(x.len() - n);
+        let row = weights.row(i - start);
+        let sum = row.iter().zip(&x[start..]).map(|(w, x)| w * x).sum();
+        (sum, row[i - start])
     }
 }
 

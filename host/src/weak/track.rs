@@ -1,5 +1,6 @@
 //! A recording on a uniform time grid, with smoothed velocity and the direction of sliding.
 
+use super::reversal::Reversal;
 use super::smooth::Differentiator;
 use crate::effects::{Point, Survey};
 use crate::motion::Motion;
@@ -19,7 +20,10 @@ pub struct Track {
     pub v: Vec<f64>,
     /// State in the middle of the cells.
     pub cells: Vec<Point>,
-    /// Cells in which the axis stands still, or that bridge a gap in the recording.
+    /// Share of each cell in which the axis slides. At rest friction is whatever balances the other forces, so both
+    /// sides of the equation of motion are left out there.
+    pub sliding: Vec<f64>,
+    /// Cells that bridge a gap in the recording.
     pub barred: Vec<bool>,
     /// Standard deviation of the position noise: quantisation, or what a smooth curve cannot follow.
     pub position_noise: f64,
@@ -41,6 +45,10 @@ const FILTERS: [usize; 9] = [3, 4, 6, 8, 11, 15, 21, 30, 42];
 /// Velocity noise that a filter may leave, as a share of the RMS speed. Half a percent keeps the error of a
 /// quadratic regressor at a percent, below the smallest effects that are looked for.
 const VELOCITY_NOISE: f64 = 0.005;
+/// Velocities within this many standard deviations of zero have no certain direction.
+const SLOW: f64 = 3.0;
+/// Travel of this many standard deviations of the position noise is certain: more than one step of a quantiser.
+const CERTAIN_TRAVEL: f64 = 4.0;
 /// A pause between samples longer than this many intervals is a gap that nothing is interpolated across.
 const GAP: f64 = 5.0;
 /// Timing within this share of an interval counts as uniform.
@@ -76,13 +84,22 @@ impl Track {
             q,
             v: Vec::new(),
             cells: Vec::new(),
+            sliding: Vec::new(),
             barred: Vec::new(),
             velocity_noise: 0.0,
             input,
         };
-        let half = track.differentiate();
+        let filter = track.differentiate();
+        let half = filter.half();
+        let reversals = track.reversals(&filter);
+        for reversal in &reversals {
+            track.sharpen(reversal, half);
+        }
         track.fill_cells(motion);
-        track.bar_standstill(half + 1);
+        track.find_rest(half + 1);
+        for reversal in &reversals {
+            track.place(reversal);
+        }
         track.bar_gaps(t);
         track
     }
@@ -119,20 +136,17 @@ impl Track {
             period: self.period,
             half_width,
             top_speed: speeds[(speeds.len() - 1) * 98 / 100],
-            slow: 3.0 * self.velocity_noise,
+            slow: SLOW * self.velocity_noise,
             travel: (fold(f64::min), fold(f64::max)),
         }
     }
 
-    /// Smooths with the narrowest filter that leaves little enough noise; returns its half-width.
-    fn differentiate(&mut self) -> usize {
-        let fitting = FILTERS
-            .iter()
-            .copied()
-            .filter(|half| 2 * half < self.q.len() / 4);
-        let mut chosen = FILTERS[0];
-        for half in fitting {
-            chosen = half;
+    /// Smooths with the narrowest filter that leaves little enough noise, and returns it.
+    fn differentiate(&mut self) -> Differentiator {
+        let most = (self.q.len() / 4).max(2 * FILTERS[0] + 1);
+        let mut filters = FILTERS.iter().filter(|half| 2 * **half < most).peekable();
+        loop {
+            let half = filters.next().copied().unwrap_or(FILTERS[0]);
             let filter = Differentiator::new(half);
             self.v = filter
                 .apply(&self.q)
@@ -141,11 +155,10 @@ impl Track {
                 .collect();
             self.velocity_noise = self.position_noise * filter.noise_gain() / self.period;
             let power = self.v.iter().map(|v| v * v).sum::<f64>() / self.v.len() as f64;
-            if self.velocity_noise <= VELOCITY_NOISE * power.sqrt() {
-                break;
+            if self.velocity_noise <= VELOCITY_NOISE * power.sqrt() || filters.peek().is_none() {
+                return filter;
             }
         }
-        chosen
     }
 
     fn fill_cells(&mut self, motion: Motion) {
@@ -164,11 +177,10 @@ impl Track {
             .collect();
     }
 
-    /// Bars stretches in which velocity cannot be told from zero for `shortest` samples: at rest friction is
-    /// whatever balances the other forces, and a law of sliding says nothing about it.
-    fn bar_standstill(&mut self, shortest: usize) {
-        let slow = 3.0 * self.velocity_noise;
-        self.barred = vec![false; self.cells.len()];
+    /// Rest in stretches of at least `shortest` samples in which velocity cannot be told from zero.
+    fn find_rest(&mut self, shortest: usize) {
+        let slow = SLOW * self.velocity_noise;
+        self.sliding = vec![1.0; self.cells.len()];
         let mut run = 0;
         for k in 0..=self.cells.len() {
             if k < self.cells.len() && self.cells[k].v.abs() <= slow {
@@ -176,13 +188,75 @@ impl Track {
                 continue;
             }
             if run >= shortest {
-                self.barred[k - run..k].fill(true);
+                self.sliding[k - run..k].fill(0.0);
             }
             run = 0;
         }
     }
 
+    /// Fits every reversal that has enough motion in one direction on both of its sides, and keeps what describes the
+    /// positions at least as well as the filter does.
+    fn reversals(&self, filter: &Differentiator) -> Vec<Reversal> {
+        let slow = SLOW * self.velocity_noise;
+        // Stretches of certain direction: first node, one past the last, direction.
+        let mut stretches: Vec<(usize, usize, f64)> = Vec::new();
+        for (k, v) in self.v.iter().enumerate().filter(|(_, v)| v.abs() > slow) {
+            match stretches.last_mut() {
+                Some(last) if last.2 == v.signum() => last.1 = k + 1,
+                _ => stretches.push((k, k + 1, v.signum())),
+            }
+        }
+        // A filter overshoots where an axis stops short; there, positions stay where they are.
+        stretches.retain(|&(from, to, direction)| {
+            direction * (self.q[to - 1] - self.q[from]) > CERTAIN_TRAVEL * self.position_noise
+        });
+        let half = filter.half();
+        let fit = |span: usize, pair: &[(usize, usize, f64)]| {
+            let ((from, halt, _), (start, to, direction)) = (pair[0], pair[1]);
+            let nodes = from.max(halt.saturating_sub(span))..to.min(start + span);
+            let enough = halt - nodes.start > half && nodes.end - start > half;
+            if !enough {
+                return None;
+            }
+            let smooth = filter.variance(&self.q, nodes.clone());
+            Reversal::fit(
+                &self.q,
+                halt - 1,
+                start,
+                nodes,
+                self.position_noise,
+                direction,
+            )
+            .filter(|reversal| reversal.variance <= smooth)
+        };
+        stretches
+            .windows(2)
+            .filter(|pair| pair[0].2 != pair[1].2)
+            .filter_map(|pair| fit(2 * half + 1, pair).or_else(|| fit(half + 1, pair)))
+            .collect()
+    }
+
+    /// Puts the fitted velocity where the filter's window reached across the reversal.
+    fn sharpen(&mut self, reversal: &Reversal, half: usize) {
+        let first = reversal
+            .nodes
+            .start
+            .max((reversal.halt as usize).saturating_sub(half));
+        let last = (reversal.nodes.end - 1).min(reversal.start.ceil() as usize + half);
+        for k in first..=last {
+            self.v[k] = reversal.velocity(k as f64) / self.period;
+        }
+    }
+
+    /// Puts the fitted direction and rest into the cells around a reversal.
+    fn place(&mut self, reversal: &Reversal) {
+        for k in reversal.nodes.start..reversal.nodes.end - 1 {
+            (self.sliding[k], self.cells[k].s) = reversal.cell(k);
+        }
+    }
+
     fn bar_gaps(&mut self, t: &[f64]) {
+        self.barred = vec![false; self.cells.len()];
         for pair in t.windows(2).filter(|w| w[1] - w[0] > GAP * self.period) {
             let last = self.barred.len() - 1;
             let cell =
@@ -342,7 +416,7 @@ mod tests {
     }
 
     #[test]
-    fn standstill_is_barred_and_motion_is_not() {
+    fn rest_is_told_from_motion() {
         let t: Vec<f64> = (0..3000).map(|k| f64::from(k) * 1e-3).collect();
         // Moves, rests for a second, moves again; quantised to 0.1 mrad.
         let q = |t: f64| {
@@ -363,7 +437,7 @@ mod tests {
             t,
         };
         let track = Track::new(&recording, Motion::Rotary);
-        assert!(track.barred[1100..1900].iter().all(|&b| b));
-        assert!(!track.barred[100..900].iter().any(|&b| b));
+        assert!(track.sliding[1100..1900].iter().all(|&s| s == 0.0));
+        assert!(track.sliding[100..900].iter().all(|&s| s == 1.0));
     }
 }

@@ -1,6 +1,7 @@
 //! Windows over a track and the functionals on them.
 
 use bristle_core::weak::Kernel;
+use nalgebra::DVectorView;
 
 use super::{TRAIN_SHARE, Track};
 
@@ -13,7 +14,7 @@ pub enum Part {
     HeldOut,
 }
 
-/// The windows of one track: centres a quarter of the half-width apart, standstill and gaps left out.
+/// The windows of one track: centres a quarter of the half-width apart, those at rest and across gaps left out.
 #[derive(Clone, Debug)]
 pub struct Windows {
     /// Samples on either side of a centre.
@@ -29,8 +30,10 @@ pub struct Windows {
     hold: Vec<f64>,
 }
 
-/// Share of a window's weight that may lie on barred cells: what remains is below the smallest effects.
+/// Share of a window's weight that may lie on a gap: what remains is below the smallest effects.
 const BARRED_SHARE: f64 = 0.005;
+/// Share of a window's weight that must lie on sliding: one mostly at rest tells little.
+const SLIDING_SHARE: f64 = 0.5;
 
 impl Windows {
     /// Lays windows of `reach` samples over a track.
@@ -60,7 +63,8 @@ impl Windows {
                 None
             };
             if let Some(part) = part
-                && windows.barred_share(track, centre) <= BARRED_SHARE
+                && windows.share(centre, |k| f64::from(track.barred[k])) <= BARRED_SHARE
+                && windows.share(centre, |k| track.sliding[k]) >= SLIDING_SHARE
             {
                 windows.centres.push(centre);
                 windows.parts.push(part);
@@ -80,9 +84,14 @@ impl Windows {
         self.apply(&self.velocity, nodes)
     }
 
-    /// `∫x φ` on every window for a signal given by its mean in each cell.
-    pub fn hold(&self, cells: &[f64]) -> Vec<f64> {
-        self.apply(&self.hold, cells)
+    /// `∫x φ` over the sliding part of every window for a signal given by its mean in each cell.
+    pub fn hold(&self, track: &Track, cells: &[f64]) -> Vec<f64> {
+        let sliding: Vec<f64> = cells
+            .iter()
+            .zip(&track.sliding)
+            .map(|(x, s)| x * s)
+            .collect();
+        self.apply(&self.hold, &sliding)
     }
 
     /// Variance of `∫q φ̈` for unit white noise on the positions.
@@ -91,25 +100,23 @@ impl Windows {
     }
 
     fn apply(&self, weights: &[f64], signal: &[f64]) -> Vec<f64> {
+        // Unrolled into independent sums, which plain iteration over floats is not.
+        let length = weights.len();
+        let weights = DVectorView::from_slice(weights, length);
         let dot = |&centre: &usize| {
-            let start = centre - self.reach;
-            weights
-                .iter()
-                .zip(&signal[start..start + weights.len()])
-                .map(|(w, x)| w * x)
-                .sum()
+            let under = &signal[centre - self.reach..][..length];
+            weights.dot(&DVectorView::from_slice(under, length))
         };
         self.centres.iter().map(dot).collect()
     }
 
-    fn barred_share(&self, track: &Track, centre: usize) -> f64 {
+    /// Share of a window's weight for which `signal` counts, cell by cell.
+    fn share(&self, centre: usize, signal: impl Fn(usize) -> f64) -> f64 {
         let start = centre - self.reach;
-        let cells = &track.barred[start..start + self.hold.len()];
-        cells
+        self.hold
             .iter()
-            .zip(&self.hold)
-            .filter(|(barred, _)| **barred)
-            .map(|(_, w)| w)
+            .enumerate()
+            .map(|(k, w)| w * signal(start + k))
             .sum()
     }
 }

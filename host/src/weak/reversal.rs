@@ -1,0 +1,304 @@
+//! When an axis halts before a reversal and when it moves on.
+//!
+//! A filter wider than a reversal rounds the kink that friction puts there: it shifts the instant of the sign
+//! change, and friction times the shift is an impulse in the weak form. So each reversal is fitted by itself:
+//! `q = c + a·x² + b·x³` with `x = (halt − t)₊` before it and likewise with `(t − start)₊` after it, and rest in
+//! between. Velocity is zero at both instants by construction.
+
+use std::ops::Range;
+
+use nalgebra::{SMatrix, SVector};
+
+/// A fitted reversal; instants are in sampling intervals from node 0.
+#[derive(Clone, Debug)]
+pub(super) struct Reversal {
+    /// The axis halts.
+    pub halt: f64,
+    /// It moves on the other way; equals `halt` where no rest can be told.
+    pub start: f64,
+    /// Direction after the reversal.
+    pub direction: f64,
+    /// Variance of the noise as this fit sees it: the sum of squares that it leaves, per degree of freedom.
+    pub variance: f64,
+    /// Nodes that were fitted.
+    pub nodes: Range<usize>,
+    coefficients: Coefficients,
+    scale: f64,
+}
+
+/// `c`, then `a, b` and, where used, the fourth power, before; the same after; in powers of `x/scale`.
+type Coefficients = SVector<f64, 7>;
+
+/// A form of reversal: its highest power, and whether it rests.
+#[derive(Clone, Copy)]
+struct Form {
+    quartic: bool,
+    rests: bool,
+}
+
+/// The fourth powers are there so that mere curvature is not taken for rest.
+const FORMS: [Form; 3] = [
+    Form {
+        quartic: false,
+        rests: false,
+    },
+    Form {
+        quartic: true,
+        rests: false,
+    },
+    Form {
+        quartic: false,
+        rests: true,
+    },
+];
+/// Instants that are tried first, evenly over the stretch of uncertain direction.
+const GRID: usize = 9;
+/// The search for the instants ends at this share of a sampling interval.
+const RESOLUTION: f64 = 0.02;
+
+impl Form {
+    fn parameters(self) -> f64 {
+        let powers = if self.quartic { 6.0 } else { 4.0 };
+        1.0 + powers + if self.rests { 2.0 } else { 1.0 }
+    }
+}
+
+impl Reversal {
+    /// Fits the reversal between nodes `before` and `after`, whose directions are certain and opposite, to the positions
+    /// at `nodes`. Of three forms the one with the lowest Bayesian information criterion is taken.
+    ///
+    /// `noise` is the standard deviation of the positions. `None` if the motion is not of this form.
+    pub fn fit(
+        q: &[f64],
+        before: usize,
+        after: usize,
+        nodes: Range<usize>,
+        noise: f64,
+        direction: f64,
+    ) -> Option<Self> {
+        let count = nodes.len() as f64;
+        let data = Data {
+            q: &q[nodes.clone()],
+            first: nodes.start as f64,
+            scale: (0.5 * count).max(1.0),
+        };
+        let fits: Vec<(Form, Instants, f64)> = FORMS
+            .iter()
+            .filter(|form| count > form.parameters() + 1.0)
+            .filter_map(|&form| {
+                data.search(form, before as f64, after as f64)
+                    .map(|(at, rss)| (form, at, rss))
+            })
+            .filter(|(form, at, _)| !form.rests || data.rest_shows(*at, noise))
+            .collect();
+        let variance = |fit: &(Form, Instants, f64)| fit.2 / (count - fit.0.parameters());
+        let least = fits.iter().map(variance).fold(f64::INFINITY, f64::min);
+        let unit = least.max(noise * noise).max(f64::MIN_POSITIVE);
+        let criterion =
+            |fit: &(Form, Instants, f64)| fit.2 / unit + fit.0.parameters() * count.ln();
+        let best = fits
+            .iter()
+            .min_by(|a, b| criterion(a).total_cmp(&criterion(b)))?;
+        let (form, [halt, start], _) = *best;
+        let reversal = Self {
+            halt,
+            start,
+            direction,
+            variance: variance(best),
+            nodes: nodes.clone(),
+            coefficients: data.solve(form, [halt, start])?.0,
+            scale: data.scale,
+        };
+        let inside = halt >= nodes.start as f64 && start <= (nodes.end - 1) as f64;
+        let one_way = |range: Range<usize>, sign: f64| {
+            range
+                .into_iter()
+                .all(|k| sign * reversal.velocity(k as f64) >= -noise)
+        };
+        (inside
+            && one_way(nodes.start..halt as usize, -direction)
+            && one_way(start.ceil() as usize..nodes.end, direction))
+        .then_some(reversal)
+    }
+
+    /// Velocity at an instant, per sampling interval.
+    pub fn velocity(&self, at: f64) -> f64 {
+        let slope = |x: f64, from: usize| {
+            let (a, b, c) = (
+                self.coefficients[from],
+                self.coefficients[from + 1],
+                self.coefficients[from + 2],
+            );
+            x * (2.0 * a + x * (3.0 * b + x * 4.0 * c)) / self.scale
+        };
+        if at < self.halt {
+            -slope((self.halt - at) / self.scale, 1)
+        } else if at > self.start {
+            slope((at - self.start) / self.scale, 4)
+        } else {
+            0.0
+        }
+    }
+
+    /// Share of the interval from node `k` to the next in which the axis slides, and the mean direction while it does.
+    pub fn cell(&self, k: usize) -> (f64, f64) {
+        let left = k as f64;
+        let before = (self.halt - left).clamp(0.0, 1.0);
+        let after = (left + 1.0 - self.start).clamp(0.0, 1.0);
+        let sliding = before + after;
+        if sliding > 0.0 {
+            (
+                sliding.min(1.0),
+                self.direction * (after - before) / sliding,
+            )
+        } else {
+            (0.0, 0.0)
+        }
+    }
+}
+
+/// Positions around one reversal.
+struct Data<'a> {
+    q: &'a [f64],
+    first: f64,
+    scale: f64,
+}
+
+impl Data<'_> {
+    /// Least squares for given instants: coefficients and the sum of squares.
+    fn solve(&self, form: Form, [halt, start]: Instants) -> Option<(Coefficients, f64)> {
+        let origin = self.q[0];
+        let mut gram = SMatrix::<f64, 7, 7>::zeros();
+        let mut right = Coefficients::zeros();
+        let mut power = 0.0;
+        let fourth = f64::from(u8::from(form.quartic));
+        for (k, &q) in self.q.iter().enumerate() {
+            let at = self.first + k as f64;
+            let x = (halt - at).max(0.0) / self.scale;
+            let y = (at - start).max(0.0) / self.scale;
+            let (x2, y2) = (x * x, y * y);
+            let row = Coefficients::from([
+                1.0,
+                x2,
+                x2 * x,
+                fourth * x2 * x2,
+                y2,
+                y2 * y,
+                fourth * y2 * y2,
+            ]);
+            gram += row * row.transpose();
+            right += row * (q - origin);
+            power += (q - origin) * (q - origin);
+        }
+        // A power that is not used has a zero column; so has a side without nodes, which is refused.
+        if !form.quartic {
+            (gram[(3, 3)], gram[(6, 6)]) = (1.0, 1.0);
+        }
+        let mut coefficients = gram.cholesky()?.solve(&right);
+        let rss = (power - coefficients.dot(&right)).max(0.0);
+        coefficients[0] += origin;
+        Some((coefficients, rss))
+    }
+
+    /// Whether the axis rests for longer than its position would stay within one step of a quantiser anyway:
+    /// `√(2Δ/a)` on either side, `Δ = √12·noise`.
+    fn rest_shows(&self, at: Instants, noise: f64) -> bool {
+        let Some((coefficients, _)) = self.solve(FORMS[2], at) else {
+            return false;
+        };
+        let step = 12f64.sqrt() * noise;
+        let dwell = |a: f64| self.scale * (step / a.abs().max(f64::MIN_POSITIVE)).sqrt();
+        at[1] - at[0] > dwell(coefficients[1]) + dwell(coefficients[4])
+    }
+
+    /// Compass search for the instants, from the best of a grid between `before` and `after`.
+    fn search(&self, form: Form, before: f64, after: f64) -> Option<(Instants, f64)> {
+        const MOVES: [Instants; 6] = [
+            [1.0, 1.0],
+            [-1.0, -1.0],
+            [1.0, 0.0],
+            [-1.0, 0.0],
+            [0.0, 1.0],
+            [0.0, -1.0],
+        ];
+        let moves = if form.rests { &MOVES } else { &MOVES[..2] };
+        let value = |at: Instants| {
+            let (_, rss) = (at[1] >= at[0]).then(|| self.solve(form, at)).flatten()?;
+            Some((at, rss))
+        };
+        let lowest = |points: &mut dyn Iterator<Item = Instants>| {
+            points.filter_map(value).min_by(|a, b| a.1.total_cmp(&b.1))
+        };
+        let mut step = (after - before) / (GRID - 1) as f64;
+        let instant = |k: usize| before + k as f64 * step;
+        let mut pairs = (0..GRID).flat_map(|halt| {
+            let latest = if form.rests { GRID - 1 } else { halt };
+            (halt..=latest).map(move |start| [instant(halt), instant(start)])
+        });
+        let mut best = lowest(&mut pairs)?;
+        while step > RESOLUTION {
+            let [halt, start] = best.0;
+            let mut around = moves
+                .iter()
+                .map(|m| [halt + step * m[0], start + step * m[1]]);
+            match lowest(&mut around).filter(|next| next.1 < best.1) {
+                Some(next) => best = next,
+                None => step *= 0.5,
+            }
+        }
+        Some(best)
+    }
+}
+
+/// Halt and start.
+type Instants = [f64; 2];
+
+#[cfg(test)]
+mod tests {
+    use super::Reversal;
+
+    /// Brakes at 30 rad/s², rests, and accelerates at 8 rad/s² the other way; sampled at 1 kHz, quantised.
+    fn positions(halt: f64, start: f64, count: f64) -> Vec<f64> {
+        (0..200)
+            .map(|k| f64::from(k) * 1e-3)
+            .map(|t| -15.0 * (halt - t).max(0.0).powi(2) - 4.0 * (t - start).max(0.0).powi(2))
+            .map(|q| {
+                if count > 0.0 {
+                    (q / count).floor() * count
+                } else {
+                    q
+                }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn finds_a_rest_and_its_ends() {
+        let q = positions(0.0803, 0.1107, 0.0);
+        let found = Reversal::fit(&q, 76, 116, 50..140, 1e-7, -1.0).unwrap();
+        assert!(
+            (found.halt - 80.3).abs() < 0.2 && (found.start - 110.7).abs() < 0.2,
+            "{found:?}"
+        );
+        assert_eq!(found.cell(95), (0.0, 0.0));
+        assert!((found.velocity(130.0) * 1e3 + 8.0 * 0.0193).abs() < 0.01);
+    }
+
+    #[test]
+    fn finds_the_instant_of_a_kink_through_a_quantiser() {
+        let count = 1e-3;
+        let q = positions(0.0804, 0.0804, count);
+        let found = Reversal::fit(&q, 76, 88, 50..112, count / 12f64.sqrt(), -1.0).unwrap();
+        assert!(
+            (found.halt - 80.4).abs() < 3.0 && found.start - found.halt < 8.0,
+            "{found:?}"
+        );
+    }
+
+    #[test]
+    fn motion_of_another_form_is_refused() {
+        // Two reversals where one is expected.
+        let q: Vec<f64> = (0..90).map(|k| (f64::from(k) * 0.2).sin()).collect();
+        assert!(Reversal::fit(&q, 40, 50, 5..85, 1e-6, 1.0).is_none());
+    }
+}
