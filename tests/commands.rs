@@ -428,6 +428,7 @@ fn demo_leaves_a_report_and_names_it() {
     assert!(last.contains("bristle-demo/report.html"), "{shown}");
     let json = folder.json("bristle-demo/diagnosis.json");
     diagnosis(&json);
+    assert_eq!(text(&json, "verdict"), "explained");
     assert_eq!(text(&list(&json, "findings")[0], "id"), "stribeck");
     assert!(folder.read("bristle-demo/report.html").contains("stribeck"));
     folder.done("identify bristle-demo/recording.csv --model bristle-demo/diagnosed.toml");
