@@ -52,6 +52,12 @@ fn main() {
         options.get("only"),
         options.get("at").and_then(|v| v.parse().ok()),
     );
+    let mut recipes = recipes;
+    for recipe in &mut recipes {
+        let option = |name: &str| options.get(name).and_then(|v| v.parse().ok());
+        recipe.duration = option("seconds").unwrap_or(recipe.duration);
+        recipe.rate = option("rate").unwrap_or(recipe.rate);
+    }
     println!("{} plants", recipes.len());
     let trials = run(&recipes, options.contains_key("velocity"));
     if options.contains_key("verbose") {

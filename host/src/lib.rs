@@ -2,7 +2,7 @@
 //!
 //! Data goes one way. A module uses only those before it in this order, which `tests/structure.rs` checks:
 //!
-//! motion → error → effects → model → recording → weak → problem → noise → linear → system → dictionary → axis → simulate → fit → identify → diagnose → report → cli
+//! format → motion → error → effects → model → recording → weak → problem → noise → linear → system → dictionary → axis → simulate → fit → identify → diagnose → report → cli
 
 pub mod axis;
 pub mod cli;
@@ -11,6 +11,7 @@ pub mod dictionary;
 pub mod effects;
 pub mod error;
 pub mod fit;
+pub mod format;
 pub mod identify;
 pub mod linear;
 pub mod model;

@@ -9,7 +9,9 @@ pub struct Score {
     pub beta: DVector<f64>,
     /// Sum of squared whitened residuals over all training rows.
     pub chi2: f64,
-    /// Sum of squared whitened residuals, each block predicted by a fit to the others.
+    /// Sum of squared whitened residuals of each fold, predicted by a fit to the others.
+    pub by_fold: Vec<f64>,
+    /// Sum over the folds.
     pub cross_validated: f64,
 }
 
@@ -104,18 +106,19 @@ pub fn score(
     // Columns keep the norms of all rows: one that vanishes outside a fold must not blow up rounding errors.
     let scale = total.scale();
     let beta = total.solve(ridge, &scale)?;
-    let mut cross_validated = 0.0;
+    let mut by_fold = Vec::with_capacity(count);
     for gram in &grams {
         let others = Gram {
             xx: &total.xx - &gram.xx,
             xy: &total.xy - &gram.xy,
             yy: 0.0,
         };
-        cross_validated += gram.residual(&others.solve(ridge, &scale)?);
+        by_fold.push(gram.residual(&others.solve(ridge, &scale)?));
     }
     Some(Score {
         chi2: total.residual(&beta),
         beta,
-        cross_validated,
+        cross_validated: by_fold.iter().sum(),
+        by_fold,
     })
 }

@@ -83,7 +83,7 @@ impl Command {
         })?;
         let written = outputs.write()?;
         progress.finish_and_clear();
-        terminal::diagnosis(&outcome.diagnosis);
+        terminal::diagnosis(&outcome.diagnosis, outcome.after.causality);
         terminal::written(&written);
         Ok(outcome.diagnosis.verdict)
     }

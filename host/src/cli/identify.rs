@@ -90,7 +90,11 @@ impl Command {
         })?;
         let written = outputs.write()?;
         progress.finish_and_clear();
-        terminal::identification(&identification.parameters, &identification.fit);
+        terminal::identification(
+            &identification.parameters,
+            &identification.fit,
+            identified.model.causality,
+        );
         terminal::written(&written);
         Ok(DONE)
     }

@@ -8,9 +8,11 @@ use std::time::Duration;
 use anstyle::{AnsiColor, Style};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::diagnose::{Diagnosis, Estimate, Estimates, Finding, Verdict};
+use crate::diagnose::{Diagnosis, Estimates, Finding, Verdict};
 use crate::error::Error;
 use crate::fit::Fit;
+use crate::format::{self, percent, whole_percent};
+use crate::model::Causality;
 
 const BOLD: Style = Style::new().bold();
 const DIM: Style = Style::new().dimmed();
@@ -39,51 +41,6 @@ pub(super) fn error(error: &Error) {
     anstream::eprintln!("{red}error:{red:#} {error}");
 }
 
-/// `12.34 ± 0.05 N*m`, the error with two digits and the value as far.
-pub(super) fn value(estimate: &Estimate) -> String {
-    let unit = if estimate.unit == "1" {
-        String::new()
-    } else {
-        format!(" {}", estimate.unit)
-    };
-    match estimate.se.filter(|se| *se > 0.0 && se.is_finite()) {
-        None => format!("{}{unit}", significant(estimate.value, 5)),
-        Some(se) => {
-            let digits = (1 - se.log10().floor() as i32).max(0) as usize;
-            let exponent = estimate.value.abs().max(se).log10().floor() as i32;
-            if (-3..6).contains(&exponent) {
-                format!("{:.digits$} ± {se:.digits$}{unit}", estimate.value)
-            } else {
-                let scale = 10f64.powi(exponent);
-                let digits = (1 - (se / scale).log10().floor() as i32).max(0) as usize;
-                format!(
-                    "({:.digits$} ± {:.digits$})e{exponent}{unit}",
-                    estimate.value / scale,
-                    se / scale
-                )
-            }
-        }
-    }
-}
-
-fn significant(value: f64, digits: i32) -> String {
-    if value == 0.0 {
-        return "0".to_owned();
-    }
-    let exponent = value.abs().log10().floor() as i32;
-    if (-4..7).contains(&exponent) {
-        let decimals = (digits - 1 - exponent).max(0) as usize;
-        let text = format!("{value:.decimals$}");
-        if text.contains('.') {
-            text.trim_end_matches('0').trim_end_matches('.').to_owned()
-        } else {
-            text
-        }
-    } else {
-        format!("{value:.*e}", (digits - 1) as usize)
-    }
-}
-
 fn table(out: &mut String, estimates: &Estimates) {
     let width = estimates.keys().map(String::len).max().unwrap_or(0);
     for (name, estimate) in estimates {
@@ -95,29 +52,38 @@ fn table(out: &mut String, estimates: &Estimates) {
         let _ = writeln!(
             out,
             "  {name:<width$}  {}{DIM}{given}{DIM:#}",
-            value(estimate)
+            format::parameter(estimate.value, estimate.se, estimate.unit)
         );
     }
 }
 
-fn fit_line(fit: &Fit) -> String {
+/// What was predicted, and what the errors are a share of.
+fn judged(causality: Causality) -> (&'static str, &'static str) {
+    match causality {
+        Causality::Forward => ("Free run over 1 s windows", "of the motion"),
+        Causality::Inverse => ("u along the measured motion", "of its RMS"),
+    }
+}
+
+fn fit_line(fit: &Fit, causality: Causality) -> String {
+    let (what, share) = judged(causality);
     format!(
-        "free run over 1 s windows: {:.3} % of the motion on the training part, {:.3} % on the held-out part",
-        100.0 * fit.train.nrmse,
-        100.0 * fit.held_out.nrmse
+        "{what}: off by {} {share} on the training part, by {} on the held-out part",
+        percent(fit.train.nrmse, None),
+        percent(fit.held_out.nrmse, None)
     )
 }
 
 /// Shows the outcome of an identification.
-pub(super) fn identification(parameters: &Estimates, fit: &Fit) {
+pub(super) fn identification(parameters: &Estimates, fit: &Fit, causality: Causality) {
     let mut out = String::new();
     table(&mut out, parameters);
-    let _ = writeln!(out, "{}", fit_line(fit));
+    let _ = writeln!(out, "{}", fit_line(fit, causality));
     anstream::print!("{out}");
 }
 
 /// Shows a verdict in short.
-pub(super) fn diagnosis(diagnosis: &Diagnosis) {
+pub(super) fn diagnosis(diagnosis: &Diagnosis, causality: Causality) {
     let style = match diagnosis.verdict {
         Verdict::Adequate => colour(AnsiColor::Green),
         Verdict::Explained => colour(AnsiColor::Yellow),
@@ -131,25 +97,26 @@ pub(super) fn diagnosis(diagnosis: &Diagnosis) {
     if let Some(unexplained) = &diagnosis.unexplained {
         let _ = writeln!(
             out,
-            "\n{BOLD}Unexplained{BOLD:#}: generic functions take away {:.0} % of the squared error that is left:",
-            100.0 * unexplained.gain
+            "\n{BOLD}Unexplained{BOLD:#}: generic functions take away {} of the squared error that is left:",
+            whole_percent(unexplained.gain)
         );
         for (coordinate, gain) in &unexplained.coordinates {
-            let _ = writeln!(out, "  of {coordinate}: {:.0} %", 100.0 * gain.max(0.0));
+            let _ = writeln!(out, "  of {coordinate}: {}", whole_percent(*gain));
         }
     }
     if diagnosis.verdict != Verdict::Adequate {
         let _ = writeln!(out, "\n{}", diagnosis.place.text);
     }
     let (before, after) = (&diagnosis.fit.before, &diagnosis.fit.after);
+    let (what, share) = judged(causality);
     let _ = if diagnosis.findings.is_empty() {
-        writeln!(out, "{}", fit_line(before))
+        writeln!(out, "{}", fit_line(before, causality))
     } else {
         writeln!(
             out,
-            "Held-out free run over 1 s windows: {:.3} % of the motion before, {BOLD}{:.3} %{BOLD:#} after.",
-            100.0 * before.held_out.nrmse,
-            100.0 * after.held_out.nrmse
+            "{what}, held-out part: off by {} {share} before, by {BOLD}{}{BOLD:#} after.",
+            percent(before.held_out.nrmse, None),
+            percent(after.held_out.nrmse, None)
         )
     };
     anstream::print!("{out}");
@@ -158,11 +125,11 @@ pub(super) fn diagnosis(diagnosis: &Diagnosis) {
 fn show_finding(out: &mut String, number: usize, finding: &Finding) {
     let _ = writeln!(
         out,
-        "\n{BOLD}{number}. {}{BOLD:#} ({}), confidence {:.2}, {:.0} % of the mismatch",
+        "\n{BOLD}{number}. {}{BOLD:#} ({}), confidence {:.2}, {} of the mismatch",
         finding.name,
         finding.id,
         finding.confidence,
-        100.0 * finding.evidence.share_of_residual
+        whole_percent(finding.evidence.share_of_residual)
     );
     let _ = writeln!(out, "  {}", finding.text);
     table(out, &finding.parameters);
@@ -184,32 +151,22 @@ pub(super) fn written(paths: &[PathBuf]) {
 
 #[cfg(test)]
 mod tests {
-    use super::{significant, value};
+    use super::{Estimates, table};
     use crate::diagnose::Estimate;
 
-    fn shown(v: f64, se: Option<f64>) -> String {
-        value(&Estimate {
-            value: v,
-            se,
-            unit: "N*m",
-        })
-    }
-
     #[test]
-    fn the_error_decides_the_digits() {
-        assert_eq!(shown(95.1089, Some(0.2345)), "95.11 ± 0.23 N*m");
-        assert_eq!(shown(203.5, Some(12.0)), "204 ± 12 N*m");
+    fn parameters_line_up_with_errors_and_printed_units() {
+        let estimate = |value, se, unit| Estimate { value, se, unit };
+        let estimates = Estimates::from([
+            ("static".to_owned(), estimate(0.3644, Some(0.0131), "N*m")),
+            ("gain".to_owned(), estimate(35.150_65, None, "N/V")),
+        ]);
+        let mut out = String::new();
+        table(&mut out, &estimates);
+        let plain = anstream::adapter::strip_str(&out).to_string();
         assert_eq!(
-            shown(0.000_012_34, Some(0.000_000_21)),
-            "(1.234 ± 0.021)e-5 N*m"
+            plain,
+            "  gain    35.15065 N/V  (given)\n  static  0.364 ± 0.013 N·m\n"
         );
-        assert_eq!(shown(35.150_65, None), "35.151 N*m");
-    }
-
-    #[test]
-    fn significant_digits_are_kept() {
-        assert_eq!(significant(0.0, 5), "0");
-        assert_eq!(significant(1234.5, 5), "1234.5");
-        assert_eq!(significant(1.5e-9, 3), "1.50e-9");
     }
 }

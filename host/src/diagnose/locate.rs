@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use crate::format;
 use crate::identify::Workbench;
 use crate::model::Model;
 use crate::motion::Motion;
@@ -23,8 +24,11 @@ pub struct Where {
     pub text: String,
 }
 
-/// A band is the narrowest that holds this share of the mismatch.
-const SHARE: f64 = 0.8;
+impl Where {
+    /// The bands of velocity and position are the narrowest that hold this share of the mismatch.
+    pub const SHARE: f64 = 0.8;
+}
+
 /// Time is divided into this many blocks.
 const BLOCKS: usize = 40;
 
@@ -73,15 +77,15 @@ pub(super) fn locate(bench: &Workbench, model: &Model, before: &[f64], after: &[
         time: intervals(&places),
         velocity: band(&places, total, |p| p.velocity),
         position: band(&places, total, |p| p.position),
-        direction: if forward > SHARE {
+        direction: if forward > Where::SHARE {
             "positive"
-        } else if forward < 1.0 - SHARE {
+        } else if forward < 1.0 - Where::SHARE {
             "negative"
         } else {
             "both"
         },
         // Around reversals if most of it is there although the axis mostly is not.
-        near_reversal: share(&|p| p.reversal) > SHARE && reversing < 0.75 * SHARE,
+        near_reversal: share(&|p| p.reversal) > Where::SHARE && reversing < 0.75 * Where::SHARE,
         text: String::new(),
     };
     found.text = sentence(&found, model.motion, &places);
@@ -99,11 +103,11 @@ fn band(places: &[Place], total: f64, coordinate: impl Fn(&Place) -> f64) -> [f6
     let (mut low, mut sum) = (0, 0.0);
     for high in 0..sorted.len() {
         sum += sorted[high].1;
-        while sum - sorted[low].1 >= SHARE * total {
+        while sum - sorted[low].1 >= Where::SHARE * total {
             sum -= sorted[low].1;
             low += 1;
         }
-        if sum >= SHARE * total && sorted[high].0 - sorted[low].0 < best[1] - best[0] {
+        if sum >= Where::SHARE * total && sorted[high].0 - sorted[low].0 < best[1] - best[0] {
             best = [sorted[low].0, sorted[high].0];
         }
     }
@@ -155,14 +159,14 @@ fn sentence(found: &Where, motion: Motion, places: &[Place]) -> String {
     }
     if narrow(found.velocity, range(&|p| p.velocity)) {
         parts.push(format!(
-            "at velocities from {:.3} to {:.3} {speed}",
-            found.velocity[0], found.velocity[1]
+            "at velocities from {}",
+            format::range(found.velocity, speed)
         ));
     }
     if narrow(found.position, range(&|p| p.position)) {
         parts.push(format!(
-            "at positions from {:.3} to {:.3} {position}",
-            found.position[0], found.position[1]
+            "at positions from {}",
+            format::range(found.position, position)
         ));
     }
     if found.direction != "both" {
@@ -173,7 +177,7 @@ fn sentence(found: &Where, motion: Motion, places: &[Place]) -> String {
     } else {
         format!(
             "{:.0} % of the mismatch lives {}.",
-            100.0 * SHARE,
+            100.0 * Where::SHARE,
             parts.join(", ")
         )
     }

@@ -17,7 +17,7 @@ use crate::model::Model;
 use crate::recording::Recording;
 use crate::system;
 use crate::weak::Part;
-use select::{FLOOR, Leftover, Selected};
+use select::{Leftover, Selected};
 use trial::Trial;
 
 /// A value with its standard error and unit.
@@ -163,10 +163,6 @@ pub struct Outcome {
     pub after: Model,
 }
 
-/// Torque that no effect explains counts from this share of the drive's RMS on: a sixth of the smallest effects that are
-/// looked for (3 %), and about what smoothing and sampling leave behind where the noise is very low.
-const SMALLEST: f64 = 0.005;
-
 /// A model whose free run errs by more than this share of the motion on both parts is not adequate, whatever the weak
 /// form can tell apart.
 const HOPELESS: f64 = 0.5;
@@ -189,7 +185,7 @@ pub fn diagnose(
     let remaining = error(bench, &after)?;
     let reached = (base_error - remaining)
         / (base_error - remaining * (1.0 - leftover.gain)).max(f64::MIN_POSITIVE);
-    let significant = leftover.gain >= FLOOR && leftover.size >= SMALLEST;
+    let significant = leftover.certain;
     let (selected, after) = if significant && reached < SHARE_OF_GENERIC && !selected.is_empty() {
         leftover = select::leftover(bench, before)?;
         (Vec::new(), before.clone())

@@ -28,6 +28,32 @@ pub(super) struct Base<'a> {
     survey: Survey,
 }
 
+/// How much the cross-validated squared error falls.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Gain {
+    /// As a share of the error before.
+    pub share: f64,
+    /// Mean fall in a fold over its standard error, Student's t with one degree of freedom less than folds.
+    pub t: f64,
+}
+
+impl Gain {
+    fn of(before: &Score, after: &Score) -> Self {
+        let falls = before
+            .by_fold
+            .iter()
+            .zip(&after.by_fold)
+            .map(|(b, a)| b - a);
+        let count = before.by_fold.len() as f64;
+        let mean = falls.clone().sum::<f64>() / count;
+        let variance = falls.map(|f| (f - mean).powi(2)).sum::<f64>() / (count - 1.0);
+        Self {
+            share: 1.0 - after.cross_validated / before.cross_validated,
+            t: mean / (variance / count).sqrt().max(f64::MIN_POSITIVE),
+        }
+    }
+}
+
 /// Steps of golden-section refinement between the grid neighbours of the best inner value: a factor of 0.618 each.
 const GOLDEN_STEPS: usize = 10;
 
@@ -87,7 +113,7 @@ impl<'a> Base<'a> {
     }
 
     /// Cross-validated gain of generic columns on top of the model.
-    pub fn generic_gain(&self, columns: &[Vec<f64>]) -> f64 {
+    pub fn generic_gain(&self, columns: &[Vec<f64>]) -> Gain {
         let all: Vec<&[f64]> = self
             .system
             .columns
@@ -102,9 +128,7 @@ impl<'a> Base<'a> {
             GENERIC_RIDGE,
             self.system.errors(),
         )
-        .map_or(0.0, |s| {
-            1.0 - s.cross_validated / self.score.cross_validated
-        })
+        .map_or(Gain::default(), |s| Gain::of(&self.score, &s))
     }
 
     /// The strongest line in the spectrum of the residual over time, as two columns.

@@ -18,6 +18,7 @@
 //! D. Hanselman, Brushless Permanent Magnet Motor Design, 2006, ch. 5.
 
 use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Spec, Survey};
+use crate::format::{quantity, shortest};
 
 pub(super) struct Cogging;
 
@@ -60,12 +61,11 @@ impl Effect for Cogging {
         }
     }
     fn sentence(&self, p: &[f64], motion: Motion) -> String {
-        let per = if motion == Motion::Rotary { "turn" } else { "metre" };
+        let (torque, per) = if motion == Motion::Rotary { ("torque", "turn") } else { ("force", "metre") };
         format!(
-            "A torque of {:.3e} {} repeats {:.4} times per {per}: compensate with a table over position, or stay above the speed where it shows.",
-            p[0],
-            Quantity::Torque.unit(motion),
-            p[2]
+            "A {torque} of {} repeats {} times per {per}: compensate with a table over position, or stay above the speed where it shows.",
+            quantity(p[0], Quantity::Torque.unit(motion)),
+            shortest(p[2], 4)
         )
     }
     fn width(&self) -> usize {

@@ -18,6 +18,7 @@
 //! K. J. Åström, B. Wittenmark, Computer-Controlled Systems, 1997, ch. 3 (delay under a zero-order hold).
 
 use super::{Confusion, Effect, Inner, Motion, Quantity, Spec, Survey};
+use crate::format::quantity;
 
 pub(super) struct Delay;
 
@@ -44,8 +45,8 @@ impl Effect for Delay {
     }
     fn sentence(&self, p: &[f64], _motion: Motion) -> String {
         format!(
-            "The drive acts {:.2} ms later than recorded: look for bus latency or a late sample, and take the delay into account when choosing the bandwidth.",
-            1e3 * p[0]
+            "The drive acts {} later than recorded: look for bus latency or a late sample, and take the delay into account when choosing the bandwidth.",
+            quantity(1e3 * p[0], "ms")
         )
     }
     fn width(&self) -> usize {

@@ -21,6 +21,7 @@
 //! A. Janot, M. Gautier, M. Brunot, Data Set and Reference Models of EMPS, 2019, eq. 1 (the offset).
 
 use super::{Confusion, Derived, Effect, FREE, Inner, Motion, Point, Quantity, Spec};
+use crate::format::quantity;
 
 pub(super) struct DirectionAsymmetry;
 
@@ -48,9 +49,8 @@ impl Effect for DirectionAsymmetry {
     fn sentence(&self, p: &[f64], motion: Motion) -> String {
         let side = if p[0] > 0.0 { "positive" } else { "negative" };
         format!(
-            "A constant {:.3e} {} resists motion in the {side} direction: level the axis, null the drive's offset, or feed the constant forward.",
-            p[0].abs(),
-            Quantity::Torque.unit(motion)
+            "A constant {} resists motion in the {side} direction: level the axis, null the drive's offset, or feed the constant forward.",
+            quantity(p[0].abs(), Quantity::Torque.unit(motion))
         )
     }
     fn basis(&self, _inner: Inner, _at: Point, out: &mut [f64]) {

@@ -18,6 +18,8 @@
 //! B. Siciliano et al., Robotics: Modelling, Planning and Control, 2009, ch. 7 (gravity terms).
 
 use super::{Confusion, Effect, FREE, Inner, Motion, Point, Quantity, Spec};
+use crate::format::quantity;
+use std::f64::consts::{PI, TAU};
 
 pub(super) struct Gravity;
 
@@ -53,11 +55,13 @@ impl Effect for Gravity {
             ]
         }
     }
-    fn sentence(&self, p: &[f64], _motion: Motion) -> String {
+    fn sentence(&self, p: &[f64], motion: Motion) -> String {
+        // The stable rest position, from −π to π.
+        let rest = (PI - p[1]).rem_euclid(TAU) - PI;
         format!(
-            "An unbalance of {:.3e} N*m pulls the axis towards q = {:.2} rad: balance it, or feed amplitude·sin(q + phase) forward.",
-            p[0],
-            (-p[1]).rem_euclid(std::f64::consts::TAU)
+            "An unbalance of {} pulls the axis towards q = {}: balance it, or feed amplitude·sin(q + phase) forward.",
+            quantity(p[0], Quantity::Torque.unit(motion)),
+            quantity(rest, Quantity::Phase.unit(motion))
         )
     }
     fn applies(&self, motion: Motion) -> bool {

@@ -17,6 +17,7 @@
 //! G. Duffing, Erzwungene Schwingungen bei veränderlicher Eigenfrequenz, 1918.
 
 use super::{Confusion, Effect, FREE, Inner, Motion, Point, Quantity, Spec};
+use crate::format::quantity;
 
 pub(super) struct HardeningSpring;
 
@@ -54,9 +55,8 @@ impl Effect for HardeningSpring {
     }
     fn sentence(&self, p: &[f64], motion: Motion) -> String {
         format!(
-            "A spring that stiffens by {:.3e} {} resists at the ends of the travel: look for end stops or a tightening cable, or feed the cubic forward.",
-            p[1],
-            Quantity::Cubic.unit(motion)
+            "A spring that stiffens by {} resists at the ends of the travel: look for end stops or a tightening cable, or feed the cubic forward.",
+            quantity(p[1], Quantity::Cubic.unit(motion))
         )
     }
     fn width(&self) -> usize {

@@ -287,7 +287,7 @@ planned! {
 /// `count` values from `low` to `high`, equal ratios apart.
 fn geometric(low: f64, high: f64, count: usize) -> Vec<f64> {
     let ratio = (high / low).powf(1.0 / (count - 1) as f64);
-    (0..count).map(|k| low * ratio.powi(k as i32)).collect()
+    (0..count).map(|k| low * ratio.powf(k as f64)).collect()
 }
 
 #[cfg(test)]
@@ -342,6 +342,50 @@ mod tests {
                 effect.id()
             );
         }
+    }
+
+    #[test]
+    fn sentences_read_well_for_tiny_and_huge_numbers() {
+        let exponent = |text: &str| {
+            let bytes = text.as_bytes();
+            bytes.windows(3).any(|w| {
+                w[0].is_ascii_digit() && w[1] == b'e' && (w[2] == b'-' || w[2].is_ascii_digit())
+            })
+        };
+        assert!(exponent("3.644e-1 N*m") && !exponent("0.364 N·m"));
+        for effect in ALL {
+            for size in [1.234_567e-9, 0.364_4, -0.364_4, 8.043_21e7] {
+                for motion in [Motion::Rotary, Motion::Linear] {
+                    let text = effect.sentence(&vec![size; effect.parameters().len()], motion);
+                    let digits = text.split(|c: char| !c.is_ascii_digit() && c != '.');
+                    assert!(
+                        !exponent(&text)
+                            && !text.contains('*')
+                            && text.ends_with('.')
+                            && digits.clone().all(|d| d.len() <= 8),
+                        "{}: {text}",
+                        effect.id()
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_sentence_has_three_digits_and_a_printed_unit() {
+        let text = find("stribeck")
+            .unwrap()
+            .sentence(&[0.364_4, 0.481_6, 1.39], Motion::Rotary);
+        assert!(
+            text.starts_with(
+                "Friction rises to 0.364 N·m towards zero speed, below about 0.482 rad/s:"
+            ),
+            "{text}"
+        );
+        let text = find("gravity")
+            .unwrap()
+            .sentence(&[0.2, 0.01], Motion::Rotary);
+        assert!(text.contains("towards q = −0.0100 rad"), "{text}");
     }
 
     #[test]

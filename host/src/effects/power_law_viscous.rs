@@ -20,6 +20,7 @@
 //! IEEE/ASME Trans. Mechatronics 10(3), 2005; W. Ostwald, A. de Waele, 1923 (power-law fluids).
 
 use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Spec, Survey};
+use crate::format::significant;
 
 /// Below, the curve is a Coulomb step within what a recording resolves; above, a viscous line.
 const EXPONENTS: (f64, f64) = (0.2, 0.85);
@@ -60,8 +61,8 @@ impl Effect for PowerLawViscous {
     }
     fn sentence(&self, p: &[f64], _motion: Motion) -> String {
         format!(
-            "Friction grows as speed to the power {:.2}, not linearly: a straight viscous line errs at slow and at middle speeds, so compensate with the power law.",
-            p[1]
+            "Friction grows as speed to the power {}, not linearly: a straight viscous line errs at slow and at middle speeds, so compensate with the power law.",
+            significant(p[1], 2)
         )
     }
     fn inner(&self) -> Option<usize> {

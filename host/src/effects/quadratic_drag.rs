@@ -17,6 +17,7 @@
 //! H. Olsson et al., Friction models and friction compensation, European Journal of Control 4(3), 1998.
 
 use super::{Confusion, Effect, FREE, Inner, Motion, Point, Quantity, Spec};
+use crate::format::quantity;
 
 pub(super) struct QuadraticDrag;
 
@@ -49,9 +50,8 @@ impl Effect for QuadraticDrag {
     }
     fn sentence(&self, p: &[f64], motion: Motion) -> String {
         format!(
-            "Drag of {:.3e} {} bends the torque-speed curve at high speed: add the v·|v| term to the feed-forward and check the torque reserve at top speed.",
-            p[0],
-            Quantity::Quadratic.unit(motion)
+            "Drag of {} bends the torque-speed curve at high speed: add the v·|v| term to the feed-forward and check the torque reserve at top speed.",
+            quantity(p[0], Quantity::Quadratic.unit(motion))
         )
     }
     fn basis(&self, _inner: Inner, at: Point, out: &mut [f64]) {

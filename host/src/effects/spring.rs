@@ -18,6 +18,7 @@
 //! B. Armstrong-Hélouvry, Control of Machines with Friction, 1991 (mass-spring system with friction).
 
 use super::{Confusion, Effect, FREE, Inner, Motion, Point, Quantity, Spec};
+use crate::format::quantity;
 
 pub(super) struct Spring;
 
@@ -50,9 +51,8 @@ impl Effect for Spring {
     }
     fn sentence(&self, p: &[f64], motion: Motion) -> String {
         format!(
-            "A spring of {:.3e} {} pulls the axis towards zero position: feed stiffness·q forward, or raise the integral action at the ends of the travel.",
-            p[0],
-            Quantity::Stiffness.unit(motion)
+            "A spring of {} pulls the axis towards zero position: feed stiffness·q forward, or raise the integral action at the ends of the travel.",
+            quantity(p[0], Quantity::Stiffness.unit(motion))
         )
     }
     fn basis(&self, _inner: Inner, at: Point, out: &mut [f64]) {

@@ -24,6 +24,7 @@
 use bristle_core::friction::Curve;
 
 use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Spec, Survey, geometric};
+use crate::format::quantity;
 
 /// Exponent of the curve in the friction laws.
 const EXPONENT: f64 = 2.0;
@@ -65,11 +66,9 @@ impl Effect for Stribeck {
     }
     fn sentence(&self, p: &[f64], motion: Motion) -> String {
         format!(
-            "Friction rises to {:.3e} {} towards zero speed, below about {:.3e} {}: expect stick-slip at slow set points, and compensate with the Stribeck curve rather than a constant.",
-            p[0],
-            Quantity::Torque.unit(motion),
-            p[1],
-            Quantity::Speed.unit(motion)
+            "Friction rises to {} towards zero speed, below about {}: expect stick-slip at slow set points, and compensate with the Stribeck curve rather than a constant.",
+            quantity(p[0], Quantity::Torque.unit(motion)),
+            quantity(p[1], Quantity::Speed.unit(motion))
         )
     }
     fn inner(&self) -> Option<usize> {

@@ -18,6 +18,7 @@
 //! A. Janot, M. Gautier, M. Brunot, Data Set and Reference Models of EMPS, 2019 (direction-dependent model).
 
 use super::{Confusion, Derived, Effect, FREE, Inner, Motion, Point, Quantity, Spec};
+use crate::format::quantity;
 
 pub(super) struct ViscousAsymmetry;
 
@@ -51,9 +52,8 @@ impl Effect for ViscousAsymmetry {
     fn sentence(&self, p: &[f64], motion: Motion) -> String {
         let side = if p[0] > 0.0 { "positive" } else { "negative" };
         format!(
-            "Viscous friction is {:.3e} {} higher in the {side} direction than in the other: compensate with a coefficient for each direction, and look for wear on one flank.",
-            2.0 * p[0].abs(),
-            Quantity::Viscous.unit(motion)
+            "Viscous friction is {} higher in the {side} direction than in the other: compensate with a coefficient for each direction, and look for wear on one flank.",
+            quantity(2.0 * p[0].abs(), Quantity::Viscous.unit(motion))
         )
     }
     fn basis(&self, _inner: Inner, at: Point, out: &mut [f64]) {

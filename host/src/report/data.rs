@@ -1,26 +1,22 @@
 //! Assembles the page from a diagnosis or an identification.
 
 use super::findings;
-use super::format::{estimate, percent, scaled_unit, significant, value, with_unit};
-use super::page::{Figure, Item, Page, Section, Table, Verdict};
-use super::rows::{Rows, friction_section, residual_section};
+use super::friction;
+use super::page::{self, Figure, Item, Page, Section};
+use super::rows::{self, Rows};
 use super::runs;
-use super::spread::{Block, Spread};
+use super::spread::{FEWEST, Spreads};
 use super::subject::{Judged, Prediction, Subject};
-use crate::diagnose::{Estimate, Outcome};
+use super::tables::{errors, nrmse, parameters, rms};
+use crate::diagnose::{Diagnosis, Outcome, Verdict};
 use crate::error::Result;
 use crate::fit::HORIZON;
+use crate::format::{percent, quantity, scaled_unit, shortest, significant, value, with_unit};
 use crate::identify::{Identified, Workbench};
 use crate::model::Model;
 use crate::problem::Response;
 use crate::recording::Recording;
 use crate::weak::{Part, TRAIN_SHARE};
-
-/// Standard errors of the error figures of both parts.
-struct Spreads {
-    train: Spread,
-    held_out: Spread,
-}
 
 /// The page of a diagnosis.
 pub(super) fn diagnosis(
@@ -47,20 +43,24 @@ pub(super) fn diagnosis(
     let rows = Rows::new(&subject);
     let word = format!("{:?}", diagnosis.verdict).to_lowercase();
     // An adequate model leaves noise: a region of noise would mislead.
-    let place = (word != "adequate").then_some(&diagnosis.place);
+    let place = match diagnosis.verdict {
+        Verdict::Adequate => Err("No region is marked: nothing significant is left to locate."),
+        Verdict::Explained | Verdict::Unknown => Ok(&diagnosis.place),
+    };
     Ok(Page {
         title: format!("Diagnosis of {}", named(&outcome.after)),
         facts: facts(&subject),
-        verdict: Some(Verdict {
+        verdict: Some(page::Verdict {
             word,
             text: diagnosis.text.clone(),
+            points: points(diagnosis),
         }),
         figures: figures(&subject, &spreads),
         figures_note: figures_note(&subject, &predictions),
         sections: vec![
             runs::section(&subject, &predictions)?,
-            residual_section(&subject, &rows, place),
-            friction_section(&subject, &rows)?,
+            rows::section(&subject, &rows, place),
+            friction::section(&subject, &rows)?,
             findings::section(diagnosis, &spreads.held_out),
             findings::next_experiment(&subject, diagnosis),
             parameters(&subject),
@@ -97,34 +97,39 @@ pub(super) fn identification(
         sections: vec![
             parameters(&subject),
             runs::section(&subject, &predictions)?,
-            residual_section(&subject, &rows, None),
-            friction_section(&subject, &rows)?,
+            rows::section(
+                &subject,
+                &rows,
+                Err(
+                    "Structure in it is physics that the model leaves out: bristle diagnose says which, and where.",
+                ),
+            ),
+            friction::section(&subject, &rows)?,
             errors(&subject, &spreads),
             method(&subject),
         ],
     })
 }
 
+/// The findings in a sentence each; what to be wary of in an adequate model that predicts poorly.
+fn points(diagnosis: &Diagnosis) -> Vec<String> {
+    let findings = diagnosis.findings.iter();
+    let caution = findings::poor(diagnosis).map(|error| {
+        format!(
+            "Take care: the model still misses the held-out part by {}, and these recordings do not show why.",
+            percent(error, None)
+        )
+    });
+    findings
+        .map(|f| format!("{}: {}", f.name, f.text))
+        .chain(caution)
+        .collect()
+}
+
 fn predictions(subject: &Subject) -> Result<Vec<Prediction>> {
     (0..subject.recordings.len())
         .map(|index| subject.predict(index))
         .collect()
-}
-
-impl Spreads {
-    fn of(subject: &Subject, predictions: &[Prediction]) -> Self {
-        let part = |held_out: bool| {
-            let blocks: Vec<Block> = predictions
-                .iter()
-                .flat_map(|p| Block::of(p, held_out, subject.inverse()))
-                .collect();
-            Spread::of(&blocks)
-        };
-        Self {
-            train: part(false),
-            held_out: part(true),
-        }
-    }
 }
 
 fn named(model: &Model) -> &str {
@@ -154,8 +159,8 @@ fn facts(subject: &Subject) -> Vec<[String; 2]> {
             format!(
                 "{}: {n} samples over {} s ({} Hz)",
                 recording.file_name(),
-                significant(duration, 4),
-                significant((n - 1) as f64 / duration, 4)
+                shortest(duration, 4),
+                shortest((n - 1) as f64 / duration, 4)
             ),
         ]);
     }
@@ -164,50 +169,50 @@ fn facts(subject: &Subject) -> Vec<[String; 2]> {
 
 fn figures(subject: &Subject, spreads: &Spreads) -> Vec<Figure> {
     let (name, si) = subject.compared();
-    let (held_out, after) = (&spreads.held_out, subject.after.fit);
+    let (scatter, after) = (&spreads.held_out, subject.after.fit);
     let before = subject.before.map(|b| b.fit);
-    let (factor, unit) = scaled_unit(before.unwrap_or(after).held_out.rmse, si);
-    let rms =
-        |x: f64, se: Option<f64>| with_unit(&value(factor * x, se.map(|se| factor * se)), &unit);
-    let what = if subject.inverse() {
-        name.to_owned()
+    let (nrmse_note, rms_note) = if subject.inverse() {
+        ("error of u over RMS of u".to_owned(), name.to_owned())
     } else {
-        format!("{name}, 1 s windows")
+        (
+            format!("error over measured motion, {HORIZON:.0} s windows"),
+            format!("{}, {HORIZON:.0} s windows", name.to_lowercase()),
+        )
     };
     let mut figures = vec![Figure {
         label: "Held-out NRMSE".to_owned(),
-        before: before.map(|b| percent(b.held_out.nrmse, held_out.nrmse_before)),
-        after: percent(after.held_out.nrmse, held_out.nrmse_after),
-        note: if subject.inverse() {
-            "error of u over RMS of u"
-        } else {
-            "error over measured motion, 1 s windows"
-        }
-        .to_owned(),
+        before: before.map(|b| nrmse(b.held_out.nrmse, scatter.before.nrmse)),
+        after: nrmse(after.held_out.nrmse, scatter.after.nrmse),
+        note: nrmse_note,
     }];
     if let Some(before) = before {
         let ratio = before.held_out.nrmse / after.held_out.nrmse;
         figures.push(Figure {
             label: "Improvement".to_owned(),
             before: None,
-            after: with_unit(&value(ratio, held_out.factor), "times"),
+            after: with_unit(&value(ratio, scatter.factor), "times"),
             note: "held-out NRMSE before over after".to_owned(),
         });
     }
     figures.push(Figure {
         label: "Held-out RMS error".to_owned(),
-        before: before.map(|b| rms(b.held_out.rmse, held_out.rmse_before)),
-        after: rms(after.held_out.rmse, held_out.rmse_after),
-        note: what,
+        before: before.map(|b| rms(b.held_out.rmse, scatter.before.rmse, si)),
+        after: rms(after.held_out.rmse, scatter.after.rmse, si),
+        note: rms_note,
     });
     if !subject.inverse() {
-        let (factor, unit) = scaled_unit(before.unwrap_or(after).free_run_rmse, si);
-        let whole = |x: f64| format!("{} {unit}", significant(factor * x, 3));
+        let whole = |x: f64| {
+            let (factor, unit) = scaled_unit(x, si);
+            quantity(factor * x, &unit)
+        };
         figures.push(Figure {
             label: "Whole-run RMS error".to_owned(),
             before: before.map(|b| whole(b.free_run_rmse)),
             after: whole(after.free_run_rmse),
-            note: format!("{name}, one free run over each recording, never restarted"),
+            note: format!(
+                "{}, one free run over each recording, never restarted",
+                name.to_lowercase()
+            ),
         });
     }
     figures
@@ -223,121 +228,14 @@ fn figures_note(subject: &Subject, predictions: &[Prediction]) -> String {
     } else {
         " A whole run is a single sample, so its error carries none."
     };
+    if count < FEWEST {
+        return format!(
+            "The held-out part has too few windows of {HORIZON:.0} s to tell how much the errors scatter, so no ± is given."
+        );
+    }
     format!(
         "± is one standard error, from the scatter between the {count} held-out windows (jackknife).{whole}"
     )
-}
-
-/// All parameters, baseline beside final model.
-fn parameters(subject: &Subject) -> Section {
-    let cells = |model: &Model| -> Vec<(String, String)> {
-        let labels = model.labels();
-        let named = labels.iter().map(|l| {
-            l.effect
-                .map_or_else(|| l.name.to_owned(), |id| format!("{id}: {}", l.name))
-        });
-        let values = labels.iter().zip(model.parameters()).map(|(label, p)| {
-            estimate(&Estimate {
-                value: p.value.unwrap_or(f64::NAN),
-                se: if p.known {
-                    None
-                } else {
-                    Some(p.se.unwrap_or(f64::NAN))
-                },
-                unit: label.unit,
-            })
-        });
-        named.zip(values).collect()
-    };
-    let after = cells(subject.after.model);
-    let before = subject.before.map(|b| cells(b.model));
-    let mut columns = vec!["Parameter".to_owned()];
-    if before.is_some() {
-        columns.push("Baseline".to_owned());
-    }
-    columns.push(
-        if before.is_some() {
-            "Final model"
-        } else {
-            "Value"
-        }
-        .to_owned(),
-    );
-    let rows = after.into_iter().map(|(name, value)| {
-        let mut row = vec![name.clone()];
-        if let Some(before) = &before {
-            let old = before
-                .iter()
-                .find(|(n, _)| *n == name)
-                .map_or("–", |(_, v)| v);
-            row.push(old.to_owned());
-        }
-        row.push(value);
-        row
-    });
-    Section {
-        title: "Parameters".to_owned(),
-        items: vec![Item::Table(Table {
-            columns,
-            rows: rows.collect(),
-        })],
-    }
-}
-
-/// Prediction errors of both parts.
-fn errors(subject: &Subject, spreads: &Spreads) -> Section {
-    let (_, si) = subject.compared();
-    let mut columns = vec![String::new()];
-    let mut rows = vec![
-        vec!["Training part, NRMSE".to_owned()],
-        vec!["Training part, RMS error".to_owned()],
-        vec!["Held-out part, NRMSE".to_owned()],
-        vec!["Held-out part, RMS error".to_owned()],
-    ];
-    let (train, held_out) = (&spreads.train, &spreads.held_out);
-    let models = [
-        subject.before.map(|b| {
-            (
-                "Baseline",
-                b.fit,
-                [
-                    train.nrmse_before,
-                    train.rmse_before,
-                    held_out.nrmse_before,
-                    held_out.rmse_before,
-                ],
-            )
-        }),
-        Some((
-            if subject.before.is_some() {
-                "Final model"
-            } else {
-                "Model"
-            },
-            subject.after.fit,
-            [
-                train.nrmse_after,
-                train.rmse_after,
-                held_out.nrmse_after,
-                held_out.rmse_after,
-            ],
-        )),
-    ];
-    for (name, fit, se) in models.into_iter().flatten() {
-        columns.push(name.to_owned());
-        let rms = |x: f64, se: Option<f64>| {
-            let (factor, unit) = scaled_unit(x, si);
-            with_unit(&value(factor * x, se.map(|se| factor * se)), &unit)
-        };
-        rows[0].push(percent(fit.train.nrmse, se[0]));
-        rows[1].push(rms(fit.train.rmse, se[1]));
-        rows[2].push(percent(fit.held_out.nrmse, se[2]));
-        rows[3].push(rms(fit.held_out.rmse, se[3]));
-    }
-    Section {
-        title: "Prediction errors".to_owned(),
-        items: vec![Item::Table(Table { columns, rows })],
-    }
 }
 
 /// How the numbers came about.

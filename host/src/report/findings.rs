@@ -1,12 +1,12 @@
 //! What was found, what stays unexplained, and the experiment to do next.
 
-use super::format::{estimate, percent, significant};
 use super::page::{Item, Section, Table};
 use super::spread::Spread;
 use super::subject::Subject;
-use crate::diagnose::{Diagnosis, Finding, Unexplained, Verdict};
+use super::tables::{estimate_text, nrmse};
+use crate::diagnose::{Diagnosis, Finding, Rival, Unexplained, Verdict};
 use crate::effects;
-use crate::motion::Motion;
+use crate::format::{percent, quantity, range, significant, whole_percent};
 
 /// The findings with their evidence and rivals, and what stays unexplained.
 pub(super) fn section(diagnosis: &Diagnosis, held_out: &Spread) -> Section {
@@ -36,22 +36,22 @@ fn overview(diagnosis: &Diagnosis, held_out: &Spread) -> Item {
     let last = diagnosis.findings.len() - 1;
     let rows = diagnosis.findings.iter().enumerate().map(|(k, f)| {
         // The spread between windows is that of the final model; models on the way to it have no predictions here.
-        let se = held_out.nrmse_after.filter(|_| k == last);
+        let se = held_out.after.nrmse.filter(|_| k == last);
         vec![
             (k + 1).to_string(),
             f.name.to_owned(),
             f.id.to_owned(),
-            format!("{:.2}", f.confidence),
-            share(f.evidence.share_of_residual),
-            significant(f.evidence.delta_bic, 4),
-            percent(f.fit.held_out.nrmse, se),
+            whole_percent(f.confidence),
+            whole_percent(f.evidence.share_of_residual),
+            significant(f.evidence.delta_bic, 3),
+            nrmse(f.fit.held_out.nrmse, se),
         ]
     });
     let titles = [
         "",
         "Effect",
         "Id",
-        "Confidence (0 to 1)",
+        "Confidence",
         "Share of the squared error",
         "ΔBIC",
         "Held-out NRMSE with it and those above",
@@ -71,24 +71,19 @@ fn details(number: usize, finding: &Finding) -> Vec<Item> {
         Item::Table(Table {
             columns: ["Parameter", "Value"].map(str::to_owned).to_vec(),
             rows: parameters
-                .map(|(name, value)| vec![name.clone(), estimate(value)])
+                .map(|(name, value)| vec![name.clone(), estimate_text(value)])
                 .collect(),
         }),
     ];
     if !finding.rivals.is_empty() {
-        let rows = finding.rivals.iter().map(|r| {
-            vec![
-                r.id.to_owned(),
-                significant(r.delta_bic, 4),
-                r.tell_apart_by.clone(),
-            ]
-        });
-        items.push(Item::Table(Table {
-            columns: ["Rival", "Its ΔBIC", "Tell apart by"]
-                .map(str::to_owned)
-                .to_vec(),
-            rows: rows.collect(),
-        }));
+        let rivals = finding
+            .rivals
+            .iter()
+            .map(|r| format!("{} (ΔBIC {})", r.id, significant(r.delta_bic, 3)));
+        items.push(Item::text(format!(
+            "Rivals that would explain much the same: {}. The next experiment below tells them apart.",
+            rivals.collect::<Vec<_>>().join(", ")
+        )));
     }
     items
 }
@@ -102,15 +97,19 @@ fn leftover(unexplained: &Unexplained, significant: bool) -> Vec<Item> {
         } else {
             "What is left is not significant"
         },
-        share(unexplained.gain),
+        whole_percent(unexplained.gain),
         percent(unexplained.size, None),
     );
     let mut items = vec![Item::text(summary)];
     if significant {
-        let rows = unexplained.coordinates.iter().map(|(coordinate, gain)| {
+        let telling = unexplained
+            .coordinates
+            .iter()
+            .filter(|(_, gain)| *gain > 0.01);
+        let rows = telling.map(|(coordinate, gain)| {
             vec![
                 (*coordinate).to_owned(),
-                share(*gain),
+                whole_percent(*gain),
                 advice(coordinate).to_owned(),
             ]
         });
@@ -126,10 +125,6 @@ fn leftover(unexplained: &Unexplained, significant: bool) -> Vec<Item> {
         }));
     }
     items
-}
-
-fn share(share: f64) -> String {
-    format!("{:.0} %", 100.0 * share.max(0.0))
 }
 
 /// What a dependence on a coordinate that no effect explains may be, and the recording that would show it.
@@ -168,76 +163,94 @@ fn advice(coordinate: &str) -> &'static str {
     }
 }
 
+/// Held-out nrmse from which on an adequate model is not yet a good one.
+const POOR: f64 = 0.1;
+
+/// The held-out nrmse of an adequate model that predicts poorly all the same.
+pub(super) fn poor(diagnosis: &Diagnosis) -> Option<f64> {
+    let error = diagnosis.fit.after.held_out.nrmse;
+    (diagnosis.verdict == Verdict::Adequate && error > POOR).then_some(error)
+}
+
 /// The experiment that would decide most.
 pub(super) fn next_experiment(subject: &Subject, diagnosis: &Diagnosis) -> Section {
     let mut points: Vec<String> = Vec::new();
     for finding in &diagnosis.findings {
         for rival in &finding.rivals {
             points.push(format!(
-                "{} or {}: {}.",
-                finding.id,
+                "{} or {}? {}",
+                finding.name,
                 rival.id,
-                ended(&rival.tell_apart_by)
+                decide(finding, rival)
             ));
         }
-    }
-    let rivals = !points.is_empty();
-    for finding in diagnosis.findings.iter().filter(|f| f.rivals.is_empty()) {
-        if let Some(excites) =
-            effects::find(finding.id).and_then(|e| doc_section(e.doc(), "What excites it"))
-        {
-            points.push(format!(
-                "{} has no rival; what makes its values surer: {excites}",
-                finding.id
-            ));
+        if finding.rivals.is_empty() {
+            points.extend(
+                excites(finding.id)
+                    .map(|text| format!("{}: to pin its values down: {text}", finding.name)),
+            );
         }
     }
-    if let Some((coordinate, _)) = diagnosis
-        .unexplained
-        .as_ref()
-        .and_then(|u| u.coordinates.first())
-    {
-        points.push(format!(
-            "For what stays unexplained: {}",
-            advice(coordinate)
-        ));
+    let unexplained = diagnosis.unexplained.as_ref();
+    if let Some((coordinate, _)) = unexplained.and_then(|u| u.coordinates.first()) {
+        points.push(format!("What stays unexplained: {}", advice(coordinate)));
     }
-    let mut items = Vec::new();
-    if rivals {
-        items.push(Item::text(
-            "Some of what was found could be called by another name. These experiments decide:",
-        ));
-    }
-    if points.is_empty() {
-        items.push(Item::text(covered(subject)));
+    let item = if poor(diagnosis).is_some() {
+        Item::text(
+            "The recordings are too short, too noisy or too much disturbed to tell what the model misses: record for longer, at more speeds and positions, with as little noise as possible, and diagnose again.",
+        )
+    } else if points.is_empty() {
+        Item::text(covered(subject))
     } else {
-        items.push(Item::List { points });
-    }
+        Item::List { points }
+    };
     Section {
         title: "Next experiment".to_owned(),
-        items,
+        items: vec![item],
     }
+}
+
+/// The experiment that tells a finding from its rival: as either of them documents it, else one that excites both.
+fn decide(finding: &Finding, rival: &Rival) -> String {
+    let documented = |id: &str, other: &str| {
+        let confusions = effects::find(id)?.confusions().iter();
+        confusions
+            .clone()
+            .find(|c| c.id == other)
+            .map(|c| c.tell_apart_by)
+    };
+    let text = documented(finding.id, rival.id).or_else(|| documented(rival.id, finding.id));
+    match (text, excites(finding.id), excites(rival.id)) {
+        (Some(text), ..) => format!("{}.", capitalised(text)),
+        (None, Some(one), Some(other)) => format!(
+            "Excite both in one recording. {}: {one} {}: {other}",
+            finding.id, rival.id
+        ),
+        _ => format!("{}.", capitalised(&rival.tell_apart_by)),
+    }
+}
+
+fn excites(id: &str) -> Option<String> {
+    doc_section(effects::find(id)?.doc(), "What excites it")
+}
+
+/// A clause as a sentence, without its full stop.
+fn capitalised(clause: &str) -> String {
+    let mut letters = clause.trim_end_matches('.').chars();
+    letters
+        .next()
+        .map_or_else(String::new, |c| c.to_uppercase().chain(letters).collect())
 }
 
 /// What an adequate model was tested on.
 fn covered(subject: &Subject) -> String {
     let survey = subject.bench.problem.survey();
-    let (speed, length) = if survey.motion == Motion::Rotary {
-        ("rad/s", "rad")
-    } else {
-        ("m/s", "m")
-    };
+    let (speed, length) = subject.motion_units();
     format!(
-        "None is needed at these conditions: speeds up to {} {speed} and positions from {} to {} {length}. To be surer, record outside of them, above all slow reversals, the full travel, and the load of normal use, and diagnose again.",
-        significant(survey.top_speed, 3),
-        significant(survey.travel.0, 3),
-        significant(survey.travel.1, 3),
+        "None is needed at these conditions: speeds up to {} and positions from {}. To be surer, record outside of them, above all slow reversals, the full travel, and the load of normal use, and diagnose again.",
+        quantity(survey.top_speed, speed),
+        range([survey.travel.0, survey.travel.1], length),
     )
-}
-
-/// A sentence without the full stop that the caller adds.
-fn ended(sentence: &str) -> &str {
-    sentence.trim_end_matches('.')
 }
 
 /// The text under a heading of an effect's documentation, on one line.

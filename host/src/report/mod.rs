@@ -5,12 +5,14 @@
 
 mod data;
 mod findings;
-mod format;
+mod friction;
 mod page;
+mod points;
 mod rows;
 mod runs;
 mod spread;
 mod subject;
+mod tables;
 mod thin;
 
 #[cfg(test)]

@@ -28,6 +28,8 @@ pub struct Verdict {
     pub word: String,
     /// The sentence.
     pub text: String,
+    /// What was found, a sentence each, and what to be wary of.
+    pub points: Vec<String>,
 }
 
 /// One headline number, before and after.
@@ -109,8 +111,9 @@ pub struct Plot {
     pub series: Vec<Series>,
     /// Shaded parts of the abscissa.
     pub bands: Vec<Band>,
+    /// Instants at which the models were restarted.
+    pub marks: Vec<f64>,
     /// The ordinate never shows more than this, so that a model that runs away leaves the rest readable.
-    #[serde(serialize_with = "short_limit")]
     pub limit: Option<[f64; 2]>,
     /// Plots of one group share cursor and zoom.
     pub group: Option<String>,
@@ -166,7 +169,7 @@ pub struct Band {
     pub to: f64,
     /// Whether it marks held-out data (otherwise the located region).
     pub held_out: bool,
-    /// Text inside; empty for none.
+    /// What it marks, for the key.
     pub label: String,
 }
 
@@ -209,11 +212,6 @@ fn even<S: Serializer>(values: &[f64], serializer: S) -> Result<S::Ok, S::Error>
     let decimals = (6.0 - span.max(1e-12).log10().floor()).clamp(0.0, 17.0) as usize;
     let rounded = |x: f64| format!("{x:.decimals$}").parse().unwrap_or(x);
     serializer.collect_seq(values.iter().map(|&x| rounded(x)))
-}
-
-#[expect(clippy::ref_option, reason = "the signature that serde asks for")]
-fn short_limit<S: Serializer>(limit: &Option<[f64; 2]>, serializer: S) -> Result<S::Ok, S::Error> {
-    limit.map(|l| l.map(shortened)).serialize(serializer)
 }
 
 fn shortened(x: f64) -> f64 {

@@ -4,7 +4,7 @@
 //! jackknife over windows applies (Efron and Stein 1981): with θ₋ᵢ the figure without window i of m,
 //! `se² = (m − 1)/m · Σ (θ₋ᵢ − mean θ₋)²`.
 
-use super::subject::Prediction;
+use super::subject::{Prediction, Subject};
 
 /// Sums of squares over one window.
 #[derive(Clone, Copy, Debug, Default)]
@@ -15,17 +15,22 @@ pub(super) struct Block {
     count: f64,
 }
 
-/// Standard errors of the figures of one part of the recordings; `None` with fewer than three windows.
+/// Standard errors of one model's errors in one part of the recordings; `None` with fewer than [`FEWEST`] windows.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Scatter {
+    /// Of the nrmse.
+    pub nrmse: Option<f64>,
+    /// Of the RMS error.
+    pub rmse: Option<f64>,
+}
+
+/// Standard errors of the figures of one part of the recordings.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Spread {
-    /// Of the baseline's nrmse.
-    pub nrmse_before: Option<f64>,
-    /// Of the final model's nrmse.
-    pub nrmse_after: Option<f64>,
-    /// Of the baseline's RMS error.
-    pub rmse_before: Option<f64>,
-    /// Of the final model's RMS error.
-    pub rmse_after: Option<f64>,
+    /// Of the baseline's.
+    pub before: Scatter,
+    /// Of the final model's.
+    pub after: Scatter,
     /// Of their ratio.
     pub factor: Option<f64>,
 }
@@ -39,13 +44,7 @@ impl Block {
             .map(|window| {
                 let measured = &prediction.measured[window.clone()];
                 let origin = if inverse { 0.0 } else { measured[0] };
-                let error = |predicted: &[f64]| {
-                    predicted[window.clone()]
-                        .iter()
-                        .zip(measured)
-                        .map(|(p, x)| (p - x).powi(2))
-                        .sum::<f64>()
-                };
+                let error = |predicted: &[f64]| prediction.squared_error(predicted, window);
                 Self {
                     before: prediction.before.as_deref().map_or(0.0, error),
                     after: error(&prediction.after),
@@ -56,21 +55,13 @@ impl Block {
             .collect()
     }
 
-    fn minus(self, other: Self) -> Self {
+    /// This and `sign` times another.
+    fn plus(self, sign: f64, other: Self) -> Self {
         Self {
-            before: self.before - other.before,
-            after: self.after - other.after,
-            signal: self.signal - other.signal,
-            count: self.count - other.count,
-        }
-    }
-
-    fn plus(self, other: Self) -> Self {
-        Self {
-            before: self.before + other.before,
-            after: self.after + other.after,
-            signal: self.signal + other.signal,
-            count: self.count + other.count,
+            before: self.before + sign * other.before,
+            after: self.after + sign * other.after,
+            signal: self.signal + sign * other.signal,
+            count: self.count + sign * other.count,
         }
     }
 }
@@ -78,23 +69,54 @@ impl Block {
 impl Spread {
     /// The jackknife over windows.
     pub fn of(blocks: &[Block]) -> Self {
-        let over = |figure: &dyn Fn(&Block) -> f64| jackknife(blocks, figure);
+        let scatter = |error: &dyn Fn(&Block) -> f64| Scatter {
+            nrmse: jackknife(blocks, &|s| (error(s) / s.signal).sqrt()),
+            rmse: jackknife(blocks, &|s| (error(s) / s.count).sqrt()),
+        };
         Self {
-            nrmse_before: over(&|s| (s.before / s.signal).sqrt()),
-            nrmse_after: over(&|s| (s.after / s.signal).sqrt()),
-            rmse_before: over(&|s| (s.before / s.count).sqrt()),
-            rmse_after: over(&|s| (s.after / s.count).sqrt()),
-            factor: over(&|s| (s.before / s.after).sqrt()),
+            before: scatter(&|s| s.before),
+            after: scatter(&|s| s.after),
+            factor: jackknife(blocks, &|s| (s.before / s.after).sqrt()),
         }
     }
 }
 
+/// Standard errors of the error figures of both parts.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Spreads {
+    /// Of the first part of each recording.
+    pub train: Spread,
+    /// Of the rest.
+    pub held_out: Spread,
+}
+
+impl Spreads {
+    /// From the predictions of all recordings.
+    pub fn of(subject: &Subject, predictions: &[Prediction]) -> Self {
+        let part = |held_out: bool| {
+            let blocks: Vec<Block> = predictions
+                .iter()
+                .flat_map(|p| Block::of(p, held_out, subject.inverse()))
+                .collect();
+            Spread::of(&blocks)
+        };
+        Self {
+            train: part(false),
+            held_out: part(true),
+        }
+    }
+}
+
+/// Windows that a standard error needs.
+pub(super) const FEWEST: usize = 3;
+
 fn jackknife(blocks: &[Block], figure: &dyn Fn(&Block) -> f64) -> Option<f64> {
-    if blocks.len() < 3 {
+    if blocks.len() < FEWEST {
         return None;
     }
-    let all = blocks.iter().copied().fold(Block::default(), Block::plus);
-    let without: Vec<f64> = blocks.iter().map(|b| figure(&all.minus(*b))).collect();
+    let add = |sum: Block, block: &Block| sum.plus(1.0, *block);
+    let all = blocks.iter().fold(Block::default(), add);
+    let without: Vec<f64> = blocks.iter().map(|b| figure(&all.plus(-1.0, *b))).collect();
     let m = without.len() as f64;
     let mean = without.iter().sum::<f64>() / m;
     let squares: f64 = without.iter().map(|x| (x - mean).powi(2)).sum();

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use crate::axis::Axis;
+use crate::effects::Quantity;
 use crate::error::Result;
 use crate::fit::{self, Fit, HORIZON};
 use crate::identify::Workbench;
@@ -47,6 +48,16 @@ pub(super) struct Prediction {
     pub after: Vec<f64>,
 }
 
+impl Prediction {
+    /// Sum of squared errors of a model's prediction over a window.
+    pub fn squared_error(&self, predicted: &[f64], window: &Range<usize>) -> f64 {
+        let pairs = predicted[window.clone()]
+            .iter()
+            .zip(&self.measured[window.clone()]);
+        pairs.map(|(p, x)| (p - x).powi(2)).sum()
+    }
+}
+
 impl Subject<'_> {
     /// Whether the motion is imposed and `u` is what a model predicts.
     pub fn inverse(&self) -> bool {
@@ -72,7 +83,13 @@ impl Subject<'_> {
         }
     }
 
-    /// `Torque` or `Force`, and its unit.
+    /// Units of velocity and of position.
+    pub fn motion_units(&self) -> (&'static str, &'static str) {
+        let model = self.after.model;
+        (model.unit(Quantity::Speed), model.unit(Quantity::Position))
+    }
+
+    /// `torque` or `force`, and its unit.
     pub fn torque(&self) -> (&'static str, &'static str) {
         match self.after.model.motion {
             Motion::Rotary => ("torque", "N*m"),

@@ -1,9 +1,10 @@
 //! Tests of whole pages.
 
-use super::{diagnosis, escape_json, fill, identification};
+use super::page::Page;
+use super::{diagnosis, escape_json, fill, identification, render};
 use crate::diagnose::diagnose;
 use crate::identify::identify;
-use crate::model::Model;
+use crate::model::{Causality, Model};
 use crate::recording::Recording;
 
 /// A rotary axis under two sines of torque, integrated here in small steps; 1 kHz, 24 s, 16384 counts.
@@ -68,6 +69,84 @@ fn assert_self_contained(page: &str) {
     assert!(page.contains("default-src 'none'"));
 }
 
+/// The page's own script writes texts only as texts, and nothing put into the page opens or closes an element.
+#[test]
+fn hostile_texts_stay_texts() {
+    let script = include_str!("page.js");
+    for way in [
+        "innerHTML",
+        "outerHTML",
+        "insertAdjacentHTML",
+        "document.write",
+        "eval(",
+    ] {
+        assert!(!script.contains(way), "{way}");
+    }
+    let name = "</title></script><script>alert(1)</script><img onerror=x>";
+    let page = render(&Page {
+        title: name.to_owned(),
+        facts: vec![[name.to_owned(), name.to_owned()]],
+        verdict: None,
+        figures: Vec::new(),
+        figures_note: name.to_owned(),
+        sections: Vec::new(),
+    })
+    .unwrap();
+    let template = include_str!("page.html");
+    for tag in ["<script", "</script", "</title", "<img"] {
+        assert_eq!(
+            page.matches(tag).count(),
+            template.matches(tag).count(),
+            "{tag}"
+        );
+    }
+    assert_eq!(data(&page)["title"], name);
+}
+
+/// Every plot of a page has axes with units, ascending abscissas and series that show something.
+fn assert_sound(page: &serde_json::Value) -> Vec<&serde_json::Value> {
+    let array = |v: &'_ serde_json::Value| v.as_array().unwrap().len();
+    let sections = page["sections"].as_array().unwrap().iter();
+    let items = sections.flat_map(|s| s["items"].as_array().unwrap());
+    let plots: Vec<_> = items
+        .filter_map(|i| i["plots"].as_array())
+        .flatten()
+        .collect();
+    for plot in &plots {
+        let title = plot["title"].as_str().unwrap();
+        for label in ["x_label", "y_label"] {
+            let text = plot[label].as_str().unwrap();
+            assert!(
+                text.contains(" [") && text.ends_with(']'),
+                "{title}: {text}"
+            );
+        }
+        let x: Vec<f64> = plot["x"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|x| x.as_f64().unwrap())
+            .collect();
+        assert!(x.len() > 1 && x.is_sorted(), "{title}");
+        assert!(plot["height"].as_u64().unwrap() > 100, "{title}");
+        for series in plot["series"].as_array().unwrap() {
+            let y = series["y"].as_array().unwrap();
+            assert!(
+                y.len() == x.len() && y.iter().any(serde_json::Value::is_number),
+                "{title}"
+            );
+            if series["style"] == "bars" {
+                assert_eq!(array(&series["bar"]), x.len(), "{title}");
+            }
+        }
+    }
+    plots
+}
+
+fn plot_titles<'a>(plots: &[&'a serde_json::Value]) -> Vec<&'a str> {
+    plots.iter().filter_map(|p| p["title"].as_str()).collect()
+}
+
 fn data(page: &str) -> serde_json::Value {
     let (_, rest) = page.split_once("id=\"data\">").unwrap();
     let (json, _) = rest.split_once("</script>").unwrap();
@@ -101,6 +180,36 @@ fn a_diagnosis_is_self_contained_and_complete() {
     ] {
         assert!(titles.contains(&title), "{title} is not among {titles:?}");
     }
+    let plots = assert_sound(&data);
+    let titles = plot_titles(&plots);
+    for title in [
+        "Position, restarted every 1 s",
+        "Where the baseline predicts the held-out part worst",
+        "Against time",
+        "Against velocity",
+        "Against position",
+        "Resisting torque against velocity",
+    ] {
+        assert!(titles.contains(&title), "{title} is not among {titles:?}");
+    }
+    // The held-out part is shaded, and so is the located region against each coordinate.
+    assert_eq!(plots[0]["bands"][0]["label"], "held out");
+    for plot in plots.iter().filter(|p| {
+        let title = p["title"].as_str().unwrap();
+        title.starts_with("Against")
+    }) {
+        assert!(
+            plot["bands"][0]["label"]
+                .as_str()
+                .unwrap()
+                .ends_with("of the mismatch"),
+            "{}",
+            plot["title"]
+        );
+    }
+    let points = data["verdict"]["points"].as_array().unwrap();
+    assert_eq!(points.len(), outcome.diagnosis.findings.len());
+    assert!(!points.is_empty());
     assert!(
         data["facts"][1][1]
             .as_str()
@@ -126,6 +235,7 @@ fn an_identification_shows_its_parameters_with_errors() {
         "{inertia}"
     );
     assert!(data["verdict"].is_null());
+    assert_sound(&data);
     // The friction curve runs through the truth at the highest speed within a few per cent.
     let plot = &data["sections"]
         .as_array()
@@ -150,6 +260,52 @@ fn an_identification_shows_its_parameters_with_errors() {
     assert!(
         (torque / factor / (0.15 + 0.02 * v) - 1.0).abs() < 0.05,
         "{torque} at {v}"
+    );
+}
+
+#[test]
+fn a_recording_of_velocity_alone_is_shown_as_velocity() {
+    let mut recording = recording();
+    let q = recording.q.take().unwrap();
+    let slope = |k: usize| {
+        let (a, b) = (k.saturating_sub(5), (k + 5).min(q.len() - 1));
+        (q[b] - q[a]) / ((b - a) as f64 * 1e-3)
+    };
+    recording.v = Some((0..q.len()).map(slope).collect());
+    let recordings = [recording];
+    let (bench, identified) =
+        identify(&recordings, &model("coulomb = \"?\"\nviscous = \"?\"\n")).unwrap();
+    let data = data(&identification(&identified, &bench, &recordings).unwrap());
+    let plots = assert_sound(&data);
+    assert_eq!(plot_titles(&plots)[0], "Velocity, restarted every 1 s");
+    assert!(plots[0]["y_label"].as_str().unwrap().ends_with("rad/s]"));
+}
+
+#[test]
+fn an_inverse_recording_is_shown_by_its_force() {
+    let recordings = [recording()];
+    let mut model = model("coulomb = \"?\"\nviscous = \"?\"\n");
+    model.causality = Causality::Inverse;
+    let (bench, identified) = identify(&recordings, &model).unwrap();
+    let data = data(&identification(&identified, &bench, &recordings).unwrap());
+    let plots = assert_sound(&data);
+    let titles = plot_titles(&plots);
+    assert_eq!(titles[0], "Torque u along the measured motion");
+    assert!(!titles.iter().any(|t| t.contains("free run")), "{titles:?}");
+}
+
+#[test]
+fn two_recordings_have_plots_of_their_own() {
+    let recordings = [recording(), recording()];
+    let (bench, identified) =
+        identify(&recordings, &model("coulomb = \"?\"\nviscous = \"?\"\n")).unwrap();
+    let data = data(&identification(&identified, &bench, &recordings).unwrap());
+    let plots = assert_sound(&data);
+    let runs = plot_titles(&plots).into_iter();
+    assert_eq!(
+        runs.filter(|t| t.starts_with("Position, restarted"))
+            .count(),
+        2
     );
 }
 
