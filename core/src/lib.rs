@@ -8,6 +8,10 @@
 //! - [`link`]: the messages between the host and a board, and their framing.
 //! - [`weak`]: test functions, windowed functionals and least squares with covariance.
 //!
+//! A module uses only those before it in this order, which `tests/structure.rs` checks:
+//!
+//! scalar → friction → link → weak
+//!
 //! Sign convention throughout: friction `F` *opposes* motion and is positive for positive velocity, so the
 //! equation of motion is `J·q̈ = k·u − F`.
 #![no_std]

@@ -6,7 +6,8 @@ use bristle_core::friction::{CoulombViscous, Friction};
 
 use crate::effects::{Effect, Inner, Point};
 use crate::error::{Error, Result};
-use crate::model::{Model, Motion};
+use crate::model::Model;
+use crate::motion::Motion;
 use crate::system;
 
 /// A model with numbers: `J·v̇ = k·u − F(q, v)`.

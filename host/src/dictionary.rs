@@ -58,6 +58,9 @@ impl Dictionary {
     ///
     /// Functions of the input are left out where the input is the response. Its rate of change is in no group: in
     /// closed loop the input answers the disturbance within a window, which is not physics left out.
+    ///
+    /// # Panics
+    /// With the problem of other recordings than the dictionary's.
     pub fn groups(&self, problem: &Problem) -> Vec<Group> {
         (0..self.tracks[0].len())
             .filter(|&g| {

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// A file cannot be opened or read.
-    #[error("{path}: cannot be read: {reason}")]
+    #[error("{path}: cannot be read: {reason}; check the name, and that it is a file you may read")]
     Unreadable {
         /// The file.
         path: PathBuf,

@@ -1,8 +1,8 @@
 //! Bristle on the host: recordings in, diagnosed and identified models out.
 //!
-//! Data goes one way, and a module uses only those before it in this order:
-//! recordings and models → weak-form rows → identification → diagnosis → report → command line.
-//! [`format`] prints numbers for all of them and uses none.
+//! Data goes one way. A module uses only those before it in this order, which `tests/structure.rs` checks:
+//!
+//! format → motion → error → effects → model → recording → weak → problem → noise → linear → system → dictionary → axis → simulate → fit → identify → diagnose → report → cli
 
 pub mod axis;
 pub mod cli;
@@ -15,6 +15,7 @@ pub mod format;
 pub mod identify;
 pub mod linear;
 pub mod model;
+pub mod motion;
 pub mod noise;
 pub mod problem;
 pub mod recording;

@@ -85,7 +85,7 @@ pub fn score(
         for j in 0..n {
             gram.xy[j] += x[j] * y;
             let xj = x[j];
-            let column = &mut gram.xx.as_mut_slice()[j * n..j * n + j + 1];
+            let column = &mut gram.xx.as_mut_slice()[j * n..=j * n + j];
             column.iter_mut().zip(&x).for_each(|(g, xi)| *g += xi * xj);
         }
     }

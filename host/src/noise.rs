@@ -162,7 +162,7 @@ fn standard_deviations(
 
 /// Autocorrelation over hops, tapered (Bartlett) so that it is positive definite.
 fn correlation(problem: &Problem, z: &[f64]) -> Vec<f64> {
-    let mut sums = vec![0.0; REACH + 1];
+    let mut sums = [0.0; REACH + 1];
     for (i, row) in problem
         .rows
         .iter()

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use std::rc::Rc;
 
 use crate::effects::{Effect, Inner, Survey};
-use crate::model::Motion;
+use crate::motion::Motion;
 use crate::recording::Recording;
 use crate::weak::{Part, Track, Windows};
 
@@ -163,6 +163,9 @@ impl Problem {
     }
 
     /// What all recordings together cover.
+    ///
+    /// # Panics
+    /// Without a single recording.
     pub fn survey(&self) -> Survey {
         let surveys = self
             .tracks

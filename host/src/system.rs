@@ -128,7 +128,7 @@ impl System {
                 inertia,
                 gain.unwrap_or(1.0),
                 &input,
-                known,
+                &known,
                 resisting,
             ),
         })
@@ -181,11 +181,11 @@ impl System {
         inertia: Option<f64>,
         gain: f64,
         input: &[f64],
-        known: Vec<f64>,
+        known: &[f64],
         resisting: Vec<(Unknown, Column)>,
     ) -> Self {
         let mut response = scaled(input, gain);
-        add(&mut response, -1.0, &known);
+        add(&mut response, -1.0, known);
         let mut columns = Vec::new();
         let mut unknowns = Vec::new();
         match inertia {

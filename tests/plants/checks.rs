@@ -19,7 +19,11 @@ fn coulomb_decay_matches_the_closed_form() {
     }
     let travel = 0.5 * inertia * v0 * v0 / coulomb;
     assert_eq!(x.v, 0.0);
-    assert!((x.q - travel).abs() < coulomb * h * h / inertia, "{} against {travel}", x.q);
+    assert!(
+        (x.q - travel).abs() < coulomb * h * h / inertia,
+        "{} against {travel}",
+        x.q
+    );
 }
 
 /// Below the Coulomb level nothing moves, not even slowly.
@@ -76,7 +80,8 @@ fn effects_have_the_size_asked_for() {
 
 #[test]
 fn the_same_seed_gives_the_same_bytes() {
-    let bytes = |r: &Recording| -> Vec<u64> { r.u.iter().chain(&r.q).map(|x| x.to_bits()).collect() };
+    let bytes =
+        |r: &Recording| -> Vec<u64> { r.u.iter().chain(&r.q).map(|x| x.to_bits()).collect() };
     let first = short(3, "stribeck", 0.05);
     assert_eq!(bytes(&first), bytes(&short(3, "stribeck", 0.05)));
     assert_ne!(bytes(&first), bytes(&short(4, "stribeck", 0.05)));

@@ -73,7 +73,7 @@ fn chirp(rng: &mut ChaCha8Rng, n: usize, ts: f64, top: f64, power: f64) -> Vec<f
     (0..n)
         .map(|k| {
             let part = legs * k as f64 / n as f64;
-            let up = if part as u32 % 2 == 0 {
+            let up = if (part as u32).is_multiple_of(2) {
                 part.fract()
             } else {
                 1.0 - part.fract()
@@ -115,7 +115,7 @@ fn triangle_sine(rng: &mut ChaCha8Rng, n: usize, ts: f64) -> Vec<f64> {
         let triangle = period * (if part < 0.5 { part } else { 1.0 - part });
         triangle + share * (TAU * f * t + phase).sin() / (TAU * f)
     });
-    smooth(raw.collect(), ts, between(rng, 0.05, 0.15))
+    smooth(&raw.collect::<Vec<f64>>(), ts, between(rng, 0.05, 0.15))
 }
 
 /// Straight legs of random speed, slow and fast, with a drift back to the middle.
@@ -143,13 +143,13 @@ fn zigzag(rng: &mut ChaCha8Rng, n: usize, ts: f64) -> Vec<f64> {
         y += speed * ts;
         raw.push(y);
     }
-    smooth(raw, ts, between(rng, 0.05, 0.15))
+    smooth(&raw, ts, between(rng, 0.05, 0.15))
 }
 
 /// Two centred moving averages of the given width in seconds.
-fn smooth(raw: Vec<f64>, ts: f64, width: f64) -> Vec<f64> {
+fn smooth(raw: &[f64], ts: f64, width: f64) -> Vec<f64> {
     let half = (0.5 * width / ts) as usize;
-    let once = super::measure::moving_average(&raw, half);
+    let once = super::measure::moving_average(raw, half);
     super::measure::moving_average(&once, half)
 }
 

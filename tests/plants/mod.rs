@@ -17,6 +17,11 @@
     unused_imports,
     reason = "each test program uses its own part of this module"
 )]
+#![allow(
+    clippy::match_same_arms,
+    clippy::unused_self,
+    reason = "one line or one method for each effect, alike or not"
+)]
 
 mod draw;
 mod effect;

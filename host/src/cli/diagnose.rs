@@ -1,6 +1,6 @@
 //! `bristle diagnose`
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
@@ -53,8 +53,7 @@ impl Command {
     }
 
     fn diagnose(&self) -> crate::error::Result<Verdict> {
-        let mut inputs: Vec<&std::path::Path> =
-            self.recordings.iter().map(PathBuf::as_path).collect();
+        let mut inputs: Vec<&Path> = self.recordings.iter().map(PathBuf::as_path).collect();
         inputs.push(&self.model);
         output::check(
             &inputs,
@@ -69,10 +68,12 @@ impl Command {
         let model = Model::read(&self.model)?;
         let recordings = read_all(&self.recordings, &model)?;
         progress.set_message("fitting the baseline");
-        let (bench, baseline) = identify(&recordings, &model)?;
+        let (bench, baseline) =
+            identify(&recordings, &model).map_err(|e| named(e, &self.recordings, &self.model))?;
         let outcome = diagnose(&bench, &baseline, &recordings, &|what| {
             progress.set_message(what.to_owned());
-        })?;
+        })
+        .map_err(|e| named(e, &self.recordings, &self.model))?;
         progress.set_message("writing");
         let mut outputs = Outputs::default();
         outputs.add(self.model_out.as_ref(), || Ok(outcome.after.to_toml()))?;
@@ -88,7 +89,7 @@ impl Command {
     }
 
     /// The command that `bristle demo` runs on its own recording.
-    pub fn demo(recording: PathBuf, model: PathBuf, folder: &std::path::Path) -> Self {
+    pub fn demo(recording: PathBuf, model: PathBuf, folder: &Path) -> Self {
         Self {
             recordings: vec![recording],
             model,
@@ -106,6 +107,19 @@ pub(super) fn read_all(paths: &[PathBuf], model: &Model) -> crate::error::Result
         .iter()
         .map(|path| Recording::read(path, &model.columns, model.motion))
         .collect()
+}
+
+/// Names the files that a failed fit was made of.
+pub(super) fn named(error: Error, recordings: &[PathBuf], model: &Path) -> Error {
+    let Error::NotIdentifiable(what) = error else {
+        return error;
+    };
+    let recordings: Vec<String> = recordings.iter().map(|p| p.display().to_string()).collect();
+    Error::NotIdentifiable(format!(
+        "{} with {}: {what}",
+        recordings.join(", "),
+        model.display()
+    ))
 }
 
 /// Pretty JSON with a final line break.

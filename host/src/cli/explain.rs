@@ -93,8 +93,8 @@ fn page(effect: &dyn Effect) -> String {
     );
     for spec in effect.parameters() {
         let (rotary, linear) = (
-            spec.quantity.unit(crate::model::Motion::Rotary),
-            spec.quantity.unit(crate::model::Motion::Linear),
+            spec.quantity.unit(crate::motion::Motion::Rotary),
+            spec.quantity.unit(crate::motion::Motion::Linear),
         );
         let unit = if rotary == linear {
             rotary.to_owned()

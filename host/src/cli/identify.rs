@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
-use super::diagnose::{json, read_all};
+use super::diagnose::{json, named, read_all};
 use super::output::{self, Outputs};
 use super::{DONE, Outcome, terminal};
 use crate::diagnose::{Estimates, estimates};
@@ -67,7 +67,8 @@ impl Command {
         let model = Model::read(&self.model)?;
         let recordings = read_all(&self.recordings, &model)?;
         progress.set_message("identifying");
-        let (bench, identified) = identify(&recordings, &model)?;
+        let (bench, identified) =
+            identify(&recordings, &model).map_err(|e| named(e, &self.recordings, &self.model))?;
         let problem = &bench.problem;
         let identification = Identification {
             schema: "bristle.identification/1",

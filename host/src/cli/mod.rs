@@ -10,7 +10,7 @@ mod terminal;
 
 use clap::{Parser, Subcommand};
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 
 /// Finds the physics that a servo axis model leaves out, models it and proves that the fit improves.
 ///
@@ -39,13 +39,16 @@ enum Verb {
 
 /// Runs the command line of this process and returns its exit status.
 pub fn run() -> u8 {
-    let outcome = match Cli::parse().verb {
+    let verb = Cli::parse().verb;
+    // A panic has printed its message already; what is left is the exit status.
+    let outcome = std::panic::catch_unwind(|| match verb {
         Verb::Demo(command) => command.run(),
         Verb::Diagnose(command) => command.run(),
         Verb::Identify(command) => command.run(),
         Verb::Simulate(command) => command.run(),
         Verb::Explain(command) => command.run(),
-    };
+    })
+    .unwrap_or_else(|_| Err(Error::Internal("the program stopped at a panic".to_owned())));
     outcome.unwrap_or_else(|error| {
         terminal::error(&error);
         error.exit_status()

@@ -1,6 +1,7 @@
 //! Output files: all are written, or none is touched.
 
-use std::io::Write;
+use std::fs::File;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use tempfile::NamedTempFile;
@@ -28,51 +29,91 @@ impl Outputs {
 
     /// Writes all planned files beside their destinations, then moves them into place; returns their paths.
     pub fn write(self) -> Result<Vec<PathBuf>> {
-        let mut written = Vec::new();
-        for (path, content) in self.files {
-            let unwritable = |reason| Error::Unwritable {
-                path: path.clone(),
-                reason,
-            };
-            let folder = path
-                .parent()
-                .filter(|p| !p.as_os_str().is_empty())
-                .unwrap_or(Path::new("."));
-            let mut file = NamedTempFile::new_in(folder).map_err(unwritable)?;
-            file.write_all(content.as_bytes()).map_err(unwritable)?;
-            readable_by_others(&file);
-            written.push((path, file));
-        }
-        written
+        let staged: Vec<(PathBuf, Staged)> = self
+            .files
             .into_iter()
-            .map(|(path, file)| match file.persist(&path) {
-                Ok(_) => Ok(path),
-                Err(e) => Err(Error::Unwritable {
-                    path,
-                    reason: e.error,
-                }),
+            .map(|(path, content)| match Staged::new(&path, content) {
+                Ok(staged) => Ok((path, staged)),
+                Err(reason) => Err(Error::Unwritable { path, reason }),
+            })
+            .collect::<Result<_>>()?;
+        staged
+            .into_iter()
+            .map(|(path, staged)| match staged.publish() {
+                Ok(()) => Ok(path),
+                Err(reason) => Err(Error::Unwritable { path, reason }),
             })
             .collect()
     }
 }
 
+/// A file that is ready but not yet in its place.
+enum Staged {
+    /// To be renamed to the path.
+    File(NamedTempFile, PathBuf),
+    /// To be written to something that must not be replaced, such as a terminal or a pipe.
+    Stream(File, String),
+}
+
+impl Staged {
+    fn new(path: &Path, content: String) -> io::Result<Self> {
+        // What a link points to is written, and the link stays.
+        let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+        let existing = std::fs::metadata(&path).ok();
+        if existing.as_ref().is_some_and(|m| !m.is_file()) {
+            return Ok(Self::Stream(
+                File::options().write(true).open(&path)?,
+                content,
+            ));
+        }
+        let mut file = NamedTempFile::new_in(folder(&path))?;
+        file.write_all(content.as_bytes())?;
+        match existing {
+            Some(existing) => file.as_file().set_permissions(existing.permissions())?,
+            None => readable_by_others(&file)?,
+        }
+        Ok(Self::File(file, path))
+    }
+
+    fn publish(self) -> io::Result<()> {
+        match self {
+            Self::File(file, path) => file.persist(path).map(drop).map_err(|e| e.error),
+            Self::Stream(mut stream, content) => stream.write_all(content.as_bytes()),
+        }
+    }
+}
+
+fn folder(path: &Path) -> &Path {
+    path.parent()
+        .filter(|parent| !parent.as_os_str().is_empty())
+        .unwrap_or(Path::new("."))
+}
+
+/// The same for all ways to write a path, whether there is a file yet or not.
+fn place(path: &Path) -> PathBuf {
+    let name = path.file_name().unwrap_or_default();
+    path.canonicalize()
+        .or_else(|_| folder(path).canonicalize().map(|folder| folder.join(name)))
+        .unwrap_or_else(|_| path.to_owned())
+}
+
 /// Temporary files are private; results are ordinary files.
 #[cfg(unix)]
-fn readable_by_others(file: &NamedTempFile) {
+fn readable_by_others(file: &NamedTempFile) -> io::Result<()> {
     use std::os::unix::fs::PermissionsExt;
-    let _ = file
-        .as_file()
-        .set_permissions(std::fs::Permissions::from_mode(0o644));
+    let permissions = std::fs::Permissions::from_mode(0o644);
+    file.as_file().set_permissions(permissions)
 }
 
 #[cfg(not(unix))]
-fn readable_by_others(_file: &NamedTempFile) {}
+#[expect(clippy::unnecessary_wraps, reason = "on other systems it can fail")]
+fn readable_by_others(_file: &NamedTempFile) -> io::Result<()> {
+    Ok(())
+}
 
-/// Refuses outputs that would overwrite an input or each other.
+/// Refuses, before any work is done, outputs that cannot be written or would overwrite an input or each other.
 pub(super) fn check(inputs: &[&Path], outputs: &[Option<&PathBuf>]) -> Result<()> {
-    let same = |a: &Path, b: &Path| {
-        a == b || matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
-    };
+    let same = |a: &Path, b: &Path| place(a) == place(b);
     let outputs: Vec<&PathBuf> = outputs.iter().flatten().copied().collect();
     for (k, output) in outputs.iter().enumerate() {
         if inputs.iter().any(|input| same(input, output)) {
@@ -86,6 +127,18 @@ pub(super) fn check(inputs: &[&Path], outputs: &[Option<&PathBuf>]) -> Result<()
                 "{} is named for two outputs; give each its own name",
                 output.display()
             )));
+        }
+        let refuse = |kind: io::ErrorKind| {
+            Err(Error::Unwritable {
+                path: PathBuf::clone(output),
+                reason: kind.into(),
+            })
+        };
+        if output.is_dir() {
+            return refuse(io::ErrorKind::IsADirectory);
+        }
+        if !folder(output).is_dir() {
+            return refuse(io::ErrorKind::NotFound);
         }
     }
     Ok(())

@@ -8,7 +8,7 @@ use clap::Args;
 use super::output::{self, Outputs};
 use super::{DONE, Outcome, terminal};
 use crate::axis::Axis;
-use crate::error::{Error, Result};
+use crate::error::Error;
 use crate::fit;
 use crate::model::{Causality, Model};
 use crate::recording::Recording;
@@ -47,17 +47,34 @@ impl Command {
             )));
         }
         let model = Model::read(&self.model)?;
-        let axis = Axis::new(&model)?;
+        let axis = Axis::new(&model).map_err(|error| match error {
+            Error::Usage(what) => self.unusable(what),
+            other => other,
+        })?;
         let recording = Recording::read(&self.input, &model.columns, model.motion)?;
-        let text = predict(&model, &axis, &recording, horizon)?;
+        let text =
+            predict(&model, &axis, &recording, horizon).map_err(|what| self.unusable(what))?;
         let mut outputs = Outputs::default();
         outputs.add(Some(&self.out), || Ok(text))?;
         terminal::written(&outputs.write()?);
         Ok(DONE)
     }
+
+    fn unusable(&self, what: String) -> Error {
+        Error::Model {
+            path: self.model.clone(),
+            what,
+        }
+    }
 }
 
-fn predict(model: &Model, axis: &Axis, recording: &Recording, horizon: f64) -> Result<String> {
+/// The prediction as CSV; a message if the model runs away.
+fn predict(
+    model: &Model,
+    axis: &Axis,
+    recording: &Recording,
+    horizon: f64,
+) -> Result<String, String> {
     let track = Track::new(recording, model.motion);
     let (states, u): (Vec<State>, Vec<f64>) = match model.causality {
         Causality::Forward => (
@@ -75,10 +92,10 @@ fn predict(model: &Model, axis: &Axis, recording: &Recording, horizon: f64) -> R
         .iter()
         .position(|s| !(s.q.is_finite() && s.v.is_finite()))
     {
-        return Err(Error::Usage(format!(
+        return Err(format!(
             "the model runs away: its state is no longer finite at t = {} s; check the signs and sizes of its parameters, or use --horizon",
             recording.t[k]
-        )));
+        ));
     }
     let mut text = String::from("t,u,q,v\n");
     for ((t, u), state) in recording.t.iter().zip(&u).zip(&states) {

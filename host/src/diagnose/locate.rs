@@ -4,7 +4,8 @@ use serde::Serialize;
 
 use crate::format;
 use crate::identify::Workbench;
-use crate::model::{Model, Motion};
+use crate::model::Model;
+use crate::motion::Motion;
 
 /// The region in which most of a mismatch lives.
 #[derive(Clone, Debug, Default, Serialize)]

@@ -210,9 +210,9 @@ impl<'a> Base<'a> {
             let chi2 = |s: &Option<Score>| s.as_ref().map_or(f64::INFINITY, |s| s.chi2);
             let toward_left = chi2(&at_left) < chi2(&at_right);
             if toward_left {
-                high = right
+                high = right;
             } else {
-                low = left
+                low = left;
             }
             let (inner, score) = if toward_left {
                 (left, at_left)

@@ -7,7 +7,7 @@
 //! An effect is a torque (or force) that resists motion, linear in its coefficients for a given *inner* parameter:
 //! `τ = Σⱼ cⱼ·bⱼ(inner; t, q, v, s)`. The inner parameter (a Stribeck velocity, a delay, …) is scanned.
 
-use crate::model::Motion;
+use crate::motion::Motion;
 
 /// An instant of the motion, as an effect sees it.
 #[derive(Clone, Copy, Debug)]

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use toml_edit::{DocumentMut, Item, Table, TableLike, value};
 
+use super::place::{self, Problem, at};
 use super::{Causality, Columns, Law, Model, Motion, Parameter, Term};
 use crate::effects::{self, Effect};
 use crate::error::{Error, Result};
@@ -23,26 +24,34 @@ impl Model {
 
     /// Parses the text of a model file; the message says what is wrong and under which key.
     pub fn parse(text: &str) -> std::result::Result<Self, String> {
-        let document: DocumentMut = text.parse().map_err(|e| format!("not valid TOML: {e}"))?;
+        let document: DocumentMut = text.parse().map_err(|e| place::syntax(text, &e))?;
+        Self::interpret(document).map_err(|problem| problem.message(text))
+    }
+
+    fn interpret(document: DocumentMut) -> Checked<Self> {
         only(
             document.as_table(),
-            "the file",
+            "",
             &["name", "plant", "friction", "columns", "effects"],
         )?;
-        let plant = section(&document, "plant")?.ok_or(
-            "the section [plant] is missing; it says at least motion = \"rotary\" or \"linear\"",
-        )?;
+        let plant = section(&document, "plant")?.ok_or_else(|| {
+            at("plant", "the section [plant] is missing; it says at least motion = \"rotary\" or \"linear\"")
+        })?;
         only(
             plant,
-            "[plant]",
+            "plant",
             &["motion", "input", "gain", "inertia", "causality"],
         )?;
-        let motion = match word(plant, "plant", "motion", &["rotary", "linear"])?
-            .ok_or("plant.motion is missing; write \"rotary\" or \"linear\"")?
-        {
-            "rotary" => Motion::Rotary,
-            _ => Motion::Linear,
-        };
+        let motion =
+            match word(plant, "plant", "motion", &["rotary", "linear"])?.ok_or_else(|| {
+                at(
+                    "plant.motion",
+                    "plant.motion is missing; write \"rotary\" or \"linear\"",
+                )
+            })? {
+                "rotary" => Motion::Rotary,
+                _ => Motion::Linear,
+            };
         let torque = if motion == Motion::Rotary {
             "torque"
         } else {
@@ -64,25 +73,37 @@ impl Model {
         for (name, parameter) in [("gain", &gain), ("inertia", &inertia)] {
             // An imposed motion needs no inertia.
             let may_vanish = name == "inertia" && causality == Causality::Inverse;
-            if parameter
-                .value
-                .is_some_and(|v| v < 0.0 || (v == 0.0 && !may_vanish))
-            {
-                return Err(format!("plant.{name} must be positive"));
+            let least = if may_vanish { 0.0 } else { f64::MIN_POSITIVE };
+            let given = [parameter.value, parameter.max];
+            if given.iter().flatten().any(|v| *v < least) {
+                let key = format!("plant.{name}");
+                return Err(at(
+                    &key,
+                    format!("{key} must be a positive number, or \"?\""),
+                ));
             }
         }
         let (law, coulomb, viscous, mut terms) = friction(section(&document, "friction")?)?;
+        // An estimate may come out below zero by its error, but nobody knows such a level.
+        if coulomb.known && coulomb.value.is_some_and(|v| v < 0.0) {
+            return Err(at(
+                "friction.coulomb",
+                "friction.coulomb is a level of friction and cannot be negative; write a positive number, or \"?\"",
+            ));
+        }
+        let name = match document.get("name") {
+            None => "axis",
+            Some(name) => name
+                .as_str()
+                .ok_or_else(|| at("name", "name must be text in quotes"))?,
+        };
         terms.extend(effect_terms(
             section(&document, "effects")?,
             motion,
             &terms,
         )?);
         Ok(Self {
-            name: document
-                .get("name")
-                .and_then(Item::as_str)
-                .unwrap_or("axis")
-                .to_owned(),
+            name: name.to_owned(),
             motion,
             input: input.to_owned(),
             causality,
@@ -125,9 +146,10 @@ impl Model {
     }
 }
 
+type Checked<T> = std::result::Result<T, Problem>;
 type Friction = (Law, Parameter, Parameter, Vec<Term>);
 
-fn friction(section: Option<&dyn TableLike>) -> std::result::Result<Friction, String> {
+fn friction(section: Option<&dyn TableLike>) -> Checked<Friction> {
     let Some(section) = section else {
         return Ok((
             Law::CoulombViscous,
@@ -149,8 +171,11 @@ fn friction(section: Option<&dyn TableLike>) -> std::result::Result<Friction, St
         Some("stribeck") => Law::Stribeck,
         Some("static") => Law::Static,
         Some(dynamic) => {
-            return Err(format!(
-                "friction.model = {dynamic:?} is a law with a bristle state, which this version does not fit or simulate yet; use \"coulomb-viscous\", \"stribeck\" or \"static\""
+            return Err(at(
+                "friction.model",
+                format!(
+                    "friction.model = {dynamic:?} is a law with a bristle state, which this version does not fit or simulate yet; use \"coulomb-viscous\", \"stribeck\" or \"static\""
+                ),
             ));
         }
     };
@@ -158,7 +183,7 @@ fn friction(section: Option<&dyn TableLike>) -> std::result::Result<Friction, St
     if law != Law::CoulombViscous {
         keys.extend(["static", "stribeck_velocity", "exponent"]);
     }
-    only(section, "[friction]", &keys)?;
+    only(section, "friction", &keys)?;
     let get = |name| parameter(section, "friction", name).map(Option::unwrap_or_default);
     let mut terms = Vec::new();
     if law != Law::CoulombViscous {
@@ -166,7 +191,8 @@ fn friction(section: Option<&dyn TableLike>) -> std::result::Result<Friction, St
         let exponent =
             parameter(section, "friction", "exponent")?.unwrap_or_else(|| Parameter::known(2.0));
         terms.push(Term {
-            effect: effects::find("stribeck").ok_or("the stribeck effect is not built in")?,
+            effect: effects::find("stribeck")
+                .ok_or_else(|| at("friction.model", "the stribeck effect is not built in"))?,
             parameters: vec![get("static")?, get("stribeck_velocity")?, exponent],
             in_law: true,
         });
@@ -178,40 +204,47 @@ fn effect_terms(
     section: Option<&dyn TableLike>,
     motion: Motion,
     law: &[Term],
-) -> std::result::Result<Vec<Term>, String> {
+) -> Checked<Vec<Term>> {
     let Some(section) = section else {
         return Ok(Vec::new());
     };
     let mut terms = Vec::new();
     for (id, item) in section.iter() {
-        let effect = effects::find(id).ok_or_else(|| unknown_effect(id))?;
+        let key = format!("effects.{id}");
+        let effect = effects::find(id).ok_or_else(|| at(&key, unknown_effect(id)))?;
         if law.iter().any(|t| t.effect.id() == id) {
-            return Err(format!(
-                "[effects.{id}] repeats what friction.model has already; remove one of the two"
+            return Err(at(
+                &key,
+                format!(
+                    "[effects.{id}] repeats what friction.model has already; remove one of the two"
+                ),
             ));
         }
         if !effect.applies(motion) {
-            return Err(format!(
-                "[effects.{id}] does not apply to a {} axis",
-                motion.as_str()
+            return Err(at(
+                &key,
+                format!(
+                    "[effects.{id}] does not apply to a {} axis; remove the section",
+                    motion.as_str()
+                ),
             ));
         }
         let table = item
             .as_table_like()
-            .ok_or_else(|| format!("effects.{id} must be a section [effects.{id}]"))?;
+            .ok_or_else(|| at(&key, format!("{key} must be a section [{key}]")))?;
         terms.push(term(effect, table)?);
     }
     Ok(terms)
 }
 
-fn term(effect: &'static dyn Effect, table: &dyn TableLike) -> std::result::Result<Term, String> {
+fn term(effect: &'static dyn Effect, table: &dyn TableLike) -> Checked<Term> {
     let section = format!("effects.{}", effect.id());
     let names: Vec<&str> = effect.parameters().iter().map(|s| s.name).collect();
-    only(table, &format!("[{section}]"), &names)?;
+    only(table, &section, &names)?;
     let mut parameters = names
         .iter()
         .map(|name| parameter(table, &section, name).map(Option::unwrap_or_default))
-        .collect::<std::result::Result<Vec<_>, _>>()?;
+        .collect::<Checked<Vec<_>>>()?;
     // A shape left out beside given numbers has the textbook value.
     if let Some((shape, textbook)) = effect.shape()
         && !table.contains_key(names[shape])
@@ -239,48 +272,47 @@ fn unknown_effect(id: &str) -> String {
     )
 }
 
-fn columns(section: Option<&dyn TableLike>) -> std::result::Result<Columns, String> {
+fn columns(section: Option<&dyn TableLike>) -> Checked<Columns> {
     let Some(section) = section else {
         return Ok(Columns::new());
     };
     only(
         section,
-        "[columns]",
+        "columns",
         &["t", "u", "q", "v", "i", "temp", "q_ref"],
     )?;
     let entry = |(key, item): (&str, &Item)| {
-        let name = item
-            .as_str()
-            .ok_or_else(|| format!("columns.{key} must be a column name in quotes"))?;
+        let name = item.as_str().ok_or_else(|| {
+            at(
+                &format!("columns.{key}"),
+                format!("columns.{key} must be a column name in quotes"),
+            )
+        })?;
         Ok((key.to_owned(), name.to_owned()))
     };
     section.iter().map(entry).collect()
 }
 
-fn section<'a>(
-    document: &'a DocumentMut,
-    name: &str,
-) -> std::result::Result<Option<&'a dyn TableLike>, String> {
+fn section<'a>(document: &'a DocumentMut, name: &str) -> Checked<Option<&'a dyn TableLike>> {
     match document.get(name) {
         None => Ok(None),
         Some(item) => item
             .as_table_like()
             .map(Some)
-            .ok_or_else(|| format!("{name} must be a section [{name}]")),
+            .ok_or_else(|| at(name, format!("{name} must be a section [{name}]"))),
     }
 }
 
-fn parameter(
-    table: &dyn TableLike,
-    section: &str,
-    name: &str,
-) -> std::result::Result<Option<Parameter>, String> {
+fn parameter(table: &dyn TableLike, section: &str, name: &str) -> Checked<Option<Parameter>> {
     let Some(item) = table.get(name) else {
         return Ok(None);
     };
-    Parameter::from_toml(item)
-        .map(Some)
-        .map_err(|what| format!("{section}.{name}: {what}"))
+    Parameter::from_toml(item).map(Some).map_err(|what| {
+        at(
+            &format!("{section}.{name}"),
+            format!("{section}.{name}: {what}"),
+        )
+    })
 }
 
 fn word<'a>(
@@ -288,27 +320,39 @@ fn word<'a>(
     section: &str,
     key: &str,
     allowed: &[&str],
-) -> std::result::Result<Option<&'a str>, String> {
+) -> Checked<Option<&'a str>> {
     let Some(item) = table.get(key) else {
         return Ok(None);
     };
     match item.as_str() {
         Some(word) if allowed.contains(&word) => Ok(Some(word)),
-        _ => Err(format!(
-            "{section}.{key} must be one of \"{}\"",
-            allowed.join("\", \"")
+        _ => Err(at(
+            &format!("{section}.{key}"),
+            format!(
+                "{section}.{key} must be one of \"{}\"",
+                allowed.join("\", \"")
+            ),
         )),
     }
 }
 
-fn only(table: &dyn TableLike, place: &str, allowed: &[&str]) -> std::result::Result<(), String> {
-    match table.iter().find(|(key, _)| !allowed.contains(key)) {
-        None => Ok(()),
-        Some((key, _)) => Err(format!(
+/// Refuses keys that a section, or the file itself with an empty name, does not have.
+fn only(table: &dyn TableLike, section: &str, allowed: &[&str]) -> Checked<()> {
+    let Some((key, _)) = table.iter().find(|(key, _)| !allowed.contains(key)) else {
+        return Ok(());
+    };
+    let (place, path) = if section.is_empty() {
+        ("the file".to_owned(), key.to_owned())
+    } else {
+        (format!("[{section}]"), format!("{section}.{key}"))
+    };
+    Err(at(
+        &path,
+        format!(
             "{key:?} does not belong in {place}; it may hold {}",
             allowed.join(", ")
-        )),
-    }
+        ),
+    ))
 }
 
 /// Sets a value; a comment beside the one it replaces stays.
@@ -374,7 +418,13 @@ mod tests {
     #[test]
     fn messages_name_the_key() {
         let message = |text: &str| Model::parse(text).err().unwrap();
-        assert!(message("[plant]\nmotion = \"round\"").contains("plant.motion must be one of"));
+        assert!(
+            message("[plant]\nmotion = \"round\"")
+                .starts_with("line 2: plant.motion must be one of")
+        );
+        assert!(message("[plant]\n\ngain = 1").starts_with("line 1: plant.motion is missing"));
+        assert!(message("[plant]\nmotion =").starts_with("line 2, column 9: not valid TOML"));
+        assert!(message("plant = { motion = \"linear\",\n gain = -1 }").starts_with("line 2"));
         assert!(
             message("[plant]\nmotion = \"rotary\"\ninertia = \"big\"")
                 .contains("plant.inertia: \"big\"")

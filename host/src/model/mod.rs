@@ -2,34 +2,17 @@
 
 mod file;
 mod parameter;
+mod place;
 
 use std::collections::BTreeMap;
 
 pub use parameter::Parameter;
 
 use crate::effects::{Effect, Quantity, Spec};
+pub use crate::motion::Motion;
 
 /// Canonical column name to the name in the recording.
 pub type Columns = BTreeMap<String, String>;
-
-/// How the axis moves.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Motion {
-    /// rad and N·m.
-    Rotary,
-    /// m and N.
-    Linear,
-}
-
-impl Motion {
-    /// The word in the model file.
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::Rotary => "rotary",
-            Self::Linear => "linear",
-        }
-    }
-}
 
 /// Which side of the axis is imposed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

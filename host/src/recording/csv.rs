@@ -1,33 +1,39 @@
 //! Recordings as comma, semicolon or tab separated text.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::{Recording, units};
+use super::Recording;
+use super::header::{Column, Header};
 use crate::error::{Error, Result};
-use crate::model::{Columns, Motion};
+use crate::model::Columns;
+use crate::motion::Motion;
 
-/// A column that the recording uses: where it stands, what it is called there, and its factor to SI.
-struct Column {
-    index: usize,
-    header: String,
-    factor: f64,
+/// A recording and where in its file the samples stand, for messages.
+pub(super) struct Table {
+    pub recording: Recording,
+    /// The line of the header, then that of each sample.
+    pub lines: Vec<usize>,
 }
 
-pub(super) fn read(path: &Path, columns: &Columns, motion: Motion) -> Result<Recording> {
+pub(super) fn read(path: &Path, columns: &Columns, motion: Motion) -> Result<Table> {
     let bytes = std::fs::read(path).map_err(|reason| Error::Unreadable {
         path: path.to_owned(),
         reason,
     })?;
-    let text = String::from_utf8(bytes).map_err(|e| Error::Recording {
+    let not_text = |valid: &[u8]| Error::Recording {
         path: path.to_owned(),
         what: format!(
-            "line {}: not text in UTF-8; is this really a CSV file?",
-            1 + e.as_bytes()[..e.utf8_error().valid_up_to()]
-                .iter()
-                .filter(|&&b| b == b'\n')
-                .count()
+            "line {}: not text in UTF-8; give a CSV file, or save this one as UTF-8",
+            valid.split(|&b| b == b'\n').count()
         ),
-    })?;
+    };
+    // A NUL is valid UTF-8 but no table has one: it marks binary files and UTF-16.
+    if let Some(nul) = bytes.iter().position(|&b| b == 0) {
+        return Err(not_text(&bytes[..nul]));
+    }
+    let text = String::from_utf8(bytes)
+        .map_err(|e| not_text(&e.as_bytes()[..e.utf8_error().valid_up_to()]))?;
     let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
     Reader {
         path,
@@ -37,50 +43,50 @@ pub(super) fn read(path: &Path, columns: &Columns, motion: Motion) -> Result<Rec
     .parse(text)
 }
 
-struct Reader<'a> {
-    path: &'a Path,
-    columns: &'a Columns,
-    motion: Motion,
+/// A file to read, and what the model file says about it.
+pub(super) struct Reader<'a> {
+    pub path: &'a Path,
+    pub columns: &'a Columns,
+    pub motion: Motion,
 }
 
 impl Reader<'_> {
-    fn parse(&self, text: &str) -> Result<Recording> {
-        let delimiter = delimiter(text.lines().next().unwrap_or_default());
+    fn parse(&self, text: &str) -> Result<Table> {
+        let delimiter = delimiter(first_line(text));
         let mut table = csv::ReaderBuilder::new()
             .delimiter(delimiter)
             .flexible(true)
             .trim(csv::Trim::All)
-            .comment(Some(b'#'))
+            .comment(Some(COMMENT as u8))
             .from_reader(text.as_bytes());
         let header = table.headers().map_err(|e| self.malformed(&e))?.clone();
-        let headers: Vec<&str> = header.iter().collect();
-        let t = self
-            .column(&headers, "t")?
-            .ok_or_else(|| self.missing("t", &headers))?;
-        let u = self
-            .column(&headers, "u")?
-            .ok_or_else(|| self.missing("u", &headers))?;
-        let q = self.column(&headers, "q")?;
-        let v = self.column(&headers, "v")?;
-        if q.is_none() && v.is_none() {
-            return Err(self.missing("q", &headers));
+        let mut header = Header {
+            reader: self,
+            names: header.iter().collect(),
+            line: header.position().map_or(1, |p| line_of(text, p)),
+        };
+        // A delimiter at the end of the line makes one more column without a name.
+        while header.names.pop_if(|name| name.is_empty()).is_some() {}
+        if header.names.is_empty() {
+            return Err(self.whole(
+                "line 1: the file is empty; its first line must name the columns, as in t[s],u[N*m],q[rad]",
+            ));
         }
-        let used: Vec<&Column> = [Some(&t), Some(&u), q.as_ref(), v.as_ref()]
-            .into_iter()
-            .flatten()
-            .collect();
+        let used = header.used()?;
         let mut values: Vec<Vec<f64>> = used.iter().map(|_| Vec::new()).collect();
         // With another delimiter than the comma, a comma inside a number can only be a decimal comma.
         let decimal_comma = delimiter != b',';
+        let mut lines = vec![header.line];
         let mut row = csv::StringRecord::new();
         while table
             .read_record(&mut row)
             .map_err(|e| self.malformed(&e))?
         {
-            let line = row.position().map_or(0, |p| p.line() as usize);
             if row.iter().all(str::is_empty) {
                 continue;
             }
+            let line = row.position().map_or(0, |p| line_of(text, p));
+            self.check_width(&row, &header.names, line)?;
             for (column, values) in used.iter().zip(&mut values) {
                 let cell = row.get(column.index).unwrap_or_default();
                 let value =
@@ -93,77 +99,42 @@ impl Reader<'_> {
                 let what = format!(
                     "time does not increase: {now} s comes after {earlier} s; remove the repeated or misplaced rows"
                 );
-                return Err(self.cell(line, &t, what));
+                return Err(self.cell(line, &used[0], what));
             }
+            lines.push(line);
         }
-        let mut values = values.into_iter();
-        let mut take = |present: bool| if present { values.next() } else { None };
-        Ok(Recording {
-            path: self.path.to_owned(),
-            t: take(true).unwrap_or_default(),
-            u: take(true).unwrap_or_default(),
-            q: take(q.is_some()),
-            v: take(v.is_some()),
+        let mut values: BTreeMap<&str, Vec<f64>> =
+            used.iter().map(|column| column.name).zip(values).collect();
+        Ok(Table {
+            recording: Recording {
+                path: self.path.to_owned(),
+                t: values.remove("t").unwrap_or_default(),
+                u: values.remove("u").unwrap_or_default(),
+                q: values.remove("q"),
+                v: values.remove("v"),
+            },
+            lines,
         })
     }
 
-    /// Finds the column that the model file maps to `name`, or the one so called.
-    fn column(&self, headers: &[&str], name: &str) -> Result<Option<Column>> {
-        let mapped = self.columns.get(name);
-        let wanted = mapped.map_or(name, String::as_str);
-        let found = headers.iter().enumerate().find(|(_, header)| {
-            let (bare, _) = split_unit(header);
-            **header == wanted || bare == wanted
-        });
-        let Some((index, header)) = found else {
-            return match mapped {
-                None => Ok(None),
-                Some(wanted) => Err(Error::Cell {
-                    path: self.path.to_owned(),
-                    line: 1,
-                    column: wanted.clone(),
-                    what: format!(
-                        "the model file maps {name} to a column that is not here; the file has {}",
-                        headers.join(", ")
-                    ),
-                }),
-            };
-        };
-        let factor = match split_unit(header).1 {
-            None => 1.0,
-            Some(unit) => units::factor(name, unit, self.motion).map_err(|what| Error::Cell {
-                path: self.path.to_owned(),
-                line: 1,
-                column: (*header).to_owned(),
-                what,
-            })?,
-        };
-        Ok(Some(Column {
-            index,
-            header: (*header).to_owned(),
-            factor,
-        }))
-    }
-
-    fn missing(&self, name: &str, headers: &[&str]) -> Error {
-        let or = if name == "q" { " (or v)" } else { "" };
-        let first = headers.first().copied().unwrap_or_default();
-        let what = if headers.iter().all(|h| h.parse::<f64>().is_ok()) {
-            format!(
-                "the first line must name the columns, as in t[s],u[N*m],q[rad]; it begins with {first:?}"
-            )
-        } else {
-            format!(
-                "no such column{or}; the file has {}. Rename one, or map it under [columns] in the model file: {name} = \"…\"",
-                headers.join(", ")
-            )
-        };
-        Error::Cell {
-            path: self.path.to_owned(),
-            line: 1,
-            column: name.to_owned(),
-            what,
+    /// Refuses a row with more or fewer cells than the header, as its values may stand under the wrong names.
+    /// Empty cells beyond the header, from a delimiter at the end of the line, are harmless.
+    fn check_width(&self, row: &csv::StringRecord, headers: &[&str], line: usize) -> Result<()> {
+        let beyond = row.iter().skip(headers.len()).any(|cell| !cell.is_empty());
+        if row.len() >= headers.len() && !beyond {
+            return Ok(());
         }
+        let last = row.len().min(headers.len() - 1);
+        Err(Error::Cell {
+            path: self.path.to_owned(),
+            line,
+            column: headers[last].to_owned(),
+            what: format!(
+                "this row has {} cells and the first line names {} columns; complete the row or remove it, and write decimal points, not commas, where commas part the cells",
+                row.len(),
+                headers.len()
+            ),
+        })
     }
 
     fn cell(&self, line: usize, column: &Column, what: String) -> Error {
@@ -176,11 +147,41 @@ impl Reader<'_> {
     }
 
     fn malformed(&self, error: &csv::Error) -> Error {
+        self.whole(&format!("not a readable table: {error}"))
+    }
+
+    fn whole(&self, what: &str) -> Error {
         Error::Recording {
             path: self.path.to_owned(),
-            what: format!("not a readable table: {error}"),
+            what: what.to_owned(),
         }
     }
+}
+
+/// Lines that begin so are not part of the table.
+const COMMENT: char = '#';
+
+fn skipped(line: &str) -> bool {
+    line.trim().is_empty() || line.starts_with(COMMENT)
+}
+
+fn first_line(text: &str) -> &str {
+    text.lines().find(|line| !skipped(line)).unwrap_or_default()
+}
+
+/// The line that a record stands on: its position is that of the empty and comment lines before it, if any.
+fn line_of(text: &str, position: &csv::Position) -> usize {
+    let from = text.get(position.byte() as usize..).unwrap_or_default();
+    position.line() as usize + from.lines().take_while(|line| skipped(line)).count()
+}
+
+/// The beginning of a cell, fit to be shown on one line.
+pub(super) fn excerpt(cell: &str) -> String {
+    const LONGEST: usize = 40;
+    let short: String = cell.chars().take(LONGEST).collect();
+    let end = if short.len() < cell.len() { "…" } else { "" };
+    // A cell may hold control characters, which are not for the terminal.
+    short.replace(char::is_control, "?") + end
 }
 
 /// The delimiter that splits the header into most parts.
@@ -195,13 +196,8 @@ fn delimiter(header: &str) -> u8 {
     }
 }
 
-/// `q[rad]` is the column `q` with the unit `rad`.
-fn split_unit(header: &str) -> (&str, Option<&str>) {
-    match header.split_once('[') {
-        Some((name, rest)) => (name.trim(), Some(rest.trim_end_matches(']').trim())),
-        None => (header.trim(), None),
-    }
-}
+/// Loggers mark what they miss by numbers as large as they have.
+const LARGEST: f64 = 1e30;
 
 fn number(cell: &str, decimal_comma: bool) -> std::result::Result<f64, String> {
     if cell.is_empty() {
@@ -213,18 +209,25 @@ fn number(cell: &str, decimal_comma: bool) -> std::result::Result<f64, String> {
         cell.parse::<f64>()
     };
     match parsed {
-        Ok(value) if value.is_finite() => Ok(value),
+        Ok(value) if value.abs() < LARGEST => Ok(value),
+        Ok(value) if value.is_finite() => Err(format!(
+            "{cell} is beyond anything an axis does; if it marks a missing value, remove the row"
+        )),
         Ok(_) => Err(format!(
             "{cell} is not a finite number; remove the row or repair the logger"
         )),
-        Err(_) => Err(format!("{cell:?} is not a number")),
+        Err(_) => Err(format!(
+            "\"{}\" is not a number; repair the cell or remove the row",
+            excerpt(cell)
+        )),
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{Reader, delimiter, split_unit};
-    use crate::model::{Columns, Motion};
+    use super::{Reader, delimiter};
+    use crate::model::Columns;
+    use crate::motion::Motion;
     use std::path::Path;
 
     fn parse(text: &str, columns: &Columns) -> crate::error::Result<super::Recording> {
@@ -234,6 +237,7 @@ mod tests {
             motion: Motion::Rotary,
         }
         .parse(text)
+        .map(|table| table.recording)
     }
 
     #[test]
@@ -269,7 +273,13 @@ mod tests {
         assert!(
             message("t,u,q\n0,1,2\n0,1,2\n").contains("line 3, column t: time does not increase")
         );
-        assert!(message("t,u,q\n0,1\n").contains("line 2, column q: the cell is empty"));
+        assert!(message("t,u,q\n0,1,\n").contains("line 2, column q: the cell is empty"));
+        assert!(message("t,u,q\n0,1\n").contains("line 2, column q: this row has 2 cells"));
+        assert!(message("t,u,q\n0,1,2,3\n").contains("line 2, column q: this row has 4 cells"));
+        assert!(message("").contains("the file is empty"));
+        assert!(parse("t,u,q,\n0,1,2,\n1,2,3\n", &Columns::new()).is_ok());
+        assert!(message("# a;b\n\nt,u,q\n\n# c\n0,1,x\n").contains("line 6, column q"));
+        assert!(message("t,u,u,q\n0,1,2,3\n").contains("column u: 2 columns have this name"));
         assert!(message("t,u\n0,1\n").contains("line 1, column q: no such column (or v)"));
         assert!(message("0.0,1.0,2.0\n0,1,2\n").contains("must name the columns"));
         assert!(
@@ -279,9 +289,8 @@ mod tests {
     }
 
     #[test]
-    fn finds_delimiter_and_unit() {
+    fn finds_the_delimiter() {
         assert_eq!(delimiter("t\tu\tq"), b'\t');
         assert_eq!(delimiter("t;u;q"), b';');
-        assert_eq!(split_unit("u [N*m]"), ("u", Some("N*m")));
     }
 }

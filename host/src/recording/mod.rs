@@ -1,12 +1,14 @@
 //! Recordings: what was applied to an axis and how it moved.
 
 mod csv;
+mod header;
 mod units;
 
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
-use crate::model::{Columns, Motion};
+use crate::model::Columns;
+use crate::motion::Motion;
 
 /// One run of one axis, in SI units.
 ///
@@ -27,6 +29,8 @@ pub struct Recording {
 
 /// Fewer samples than this cannot carry a diagnosis.
 const FEWEST_SAMPLES: usize = 200;
+/// Time may span this many times what the samples cover at their own rate.
+const LONGEST_GAP: f64 = 1000.0;
 
 impl Recording {
     /// Reads a recording, renaming columns by `columns` and converting units for an axis that moves by `motion`.
@@ -43,9 +47,9 @@ impl Recording {
                 ),
             });
         }
-        let recording = csv::read(path, columns, motion)?;
-        recording.check()?;
-        Ok(recording)
+        let table = csv::read(path, columns, motion)?;
+        table.recording.check(&table.lines)?;
+        Ok(table.recording)
     }
 
     /// The measured quantity that the fit is judged on: position, or velocity where only that was measured.
@@ -71,7 +75,8 @@ impl Recording {
         )
     }
 
-    fn check(&self) -> Result<()> {
+    /// Refuses what cannot carry a fit; `lines` are those of the header and of each sample.
+    fn check(&self, lines: &[usize]) -> Result<()> {
         let fail = |what: String| {
             Err(Error::Recording {
                 path: self.path.clone(),
@@ -81,23 +86,35 @@ impl Recording {
         if self.len() < FEWEST_SAMPLES {
             return fail(format!(
                 "line {}, column t: the recording ends after {} samples; at least {FEWEST_SAMPLES} are needed, so record for longer or at a higher rate",
-                self.len() + 1,
+                lines.last().unwrap_or(&1),
                 self.len()
+            ));
+        }
+        let (first, last) = (lines[1], lines[self.len()]);
+        let mut steps: Vec<f64> = self.t.windows(2).map(|t| t[1] - t[0]).collect();
+        let longest = (0..steps.len())
+            .max_by(|&a, &b| steps[a].total_cmp(&steps[b]))
+            .unwrap_or_default();
+        let (from, to) = (self.t[longest], self.t[longest + 1]);
+        steps.sort_by(f64::total_cmp);
+        let recorded = steps[steps.len() / 2] * self.len() as f64;
+        if self.t[self.len() - 1] - self.t[0] > LONGEST_GAP * recorded {
+            return fail(format!(
+                "line {}, column t: time jumps from {from} s to {to} s, far beyond what was recorded; repair the clock, or give the parts as recordings of their own",
+                lines[longest + 2]
             ));
         }
         let constant = |x: &[f64]| x.iter().all(|&value| value == x[0]);
         if constant(&self.u) {
             return fail(format!(
-                "line 2 to {}, column u: u is {} throughout; nothing drives the axis, so nothing can be learnt: check the column mapping, or record with an excitation",
-                self.len() + 1,
+                "lines {first} to {last}, column u: u is {} throughout; nothing drives the axis, so nothing can be learnt: check the column mapping, or record with an excitation",
                 self.u[0]
             ));
         }
         if constant(self.measured()) {
             let name = if self.q.is_some() { "q" } else { "v" };
             return fail(format!(
-                "line 2 to {}, column {name}: {name} never changes: the axis did not move; record with a drive above break-away",
-                self.len() + 1
+                "lines {first} to {last}, column {name}: {name} never changes: the axis did not move; record with a drive above break-away"
             ));
         }
         Ok(())

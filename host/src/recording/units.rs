@@ -1,6 +1,6 @@
 //! Units in column headers.
 
-use crate::model::Motion;
+use crate::motion::Motion;
 
 /// Factor from `unit` to the SI unit of the canonical column `name`, or what to write instead.
 pub(super) fn factor(name: &str, unit: &str, motion: Motion) -> Result<f64, String> {

@@ -3,7 +3,7 @@
 use super::reversal::Reversal;
 use super::smooth::Differentiator;
 use crate::effects::{Point, Survey};
-use crate::model::Motion;
+use crate::motion::Motion;
 use crate::recording::Recording;
 
 /// A recording ready for the weak form. Node `k` is the instant `start + k·period`; cell `k` lies between
@@ -378,7 +378,7 @@ fn position_noise(q: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::{Held, Track, mean_sign, position_noise, resample};
-    use crate::model::Motion;
+    use crate::motion::Motion;
     use crate::recording::Recording;
 
     #[test]

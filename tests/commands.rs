@@ -1,0 +1,441 @@
+//! The commands from end to end, each through the program itself: what they write, print and return.
+
+mod cli;
+
+use bristle::effects;
+use cli::{BASELINE, Folder, PLAIN, UNBALANCED, csv, record};
+use serde_json::Value;
+
+const SECONDS: f64 = 12.0;
+
+/// The value under dotted keys.
+fn at<'a>(json: &'a Value, path: &str) -> &'a Value {
+    path.split('.').fold(json, |value, key| {
+        value
+            .get(key)
+            .unwrap_or_else(|| panic!("no {path} in {value}"))
+    })
+}
+
+fn number(json: &Value, path: &str) -> f64 {
+    let value = at(json, path);
+    value
+        .as_f64()
+        .unwrap_or_else(|| panic!("{path} is {value}"))
+}
+
+fn text<'a>(json: &'a Value, path: &str) -> &'a str {
+    let value = at(json, path);
+    let text = value
+        .as_str()
+        .unwrap_or_else(|| panic!("{path} is {value}"));
+    assert!(!text.is_empty(), "{path} is empty");
+    text
+}
+
+fn list<'a>(json: &'a Value, path: &str) -> &'a [Value] {
+    let value = at(json, path);
+    value
+        .as_array()
+        .unwrap_or_else(|| panic!("{path} is {value}"))
+}
+
+/// Two finite numbers, the smaller first.
+fn interval(value: &Value) -> (f64, f64) {
+    let bounds: Vec<f64> = value
+        .as_array()
+        .into_iter()
+        .flatten()
+        .filter_map(Value::as_f64)
+        .collect();
+    let [low, high] = bounds[..] else {
+        panic!("{value} is no interval")
+    };
+    assert!(low <= high, "{value}");
+    (low, high)
+}
+
+/// The errors of one part or more of a fit.
+fn errors(fit: &Value, parts: &[&str]) {
+    for part in parts {
+        let nrmse = number(fit, &format!("{part}.nrmse"));
+        assert!(nrmse.is_finite() && nrmse >= 0.0, "{part}: {nrmse}");
+    }
+}
+
+fn parameters(json: &Value) {
+    let parameters = json.as_object().expect("parameters are an object");
+    assert!(!parameters.is_empty());
+    for (name, parameter) in parameters {
+        assert!(number(parameter, "value").is_finite(), "{name}");
+        // A value that was given has no standard error.
+        let se = at(parameter, "se");
+        assert!(
+            se.is_null() || se.as_f64().is_some_and(|se| se >= 0.0),
+            "{name}: {se}"
+        );
+        text(parameter, "unit");
+    }
+}
+
+fn place(json: &Value) {
+    for span in list(json, "time") {
+        interval(span);
+    }
+    interval(at(json, "velocity"));
+    interval(at(json, "position"));
+    let directions = ["both", "positive", "negative"];
+    assert!(directions.contains(&text(json, "direction")));
+    assert!(at(json, "near_reversal").is_boolean());
+    text(json, "text");
+}
+
+fn finding(json: &Value) {
+    assert!(effects::find(text(json, "id")).is_some());
+    text(json, "name");
+    text(json, "text");
+    assert!((0.0..=1.0).contains(&number(json, "confidence")));
+    place(at(json, "where"));
+    parameters(at(json, "parameters"));
+    assert!(number(json, "evidence.delta_bic") > 0.0);
+    assert!(number(json, "evidence.share_of_residual") <= 1.0);
+    errors(at(json, "fit"), &["train", "held_out"]);
+    for rival in list(json, "rivals") {
+        text(rival, "id");
+        text(rival, "tell_apart_by");
+        assert!(number(rival, "delta_bic").is_finite());
+    }
+}
+
+/// Every field that the contract promises, of the type that it promises.
+fn diagnosis(json: &Value) {
+    assert_eq!(text(json, "schema"), "bristle.diagnosis/1");
+    assert!(["adequate", "explained", "unknown"].contains(&text(json, "verdict")));
+    parameters(at(json, "baseline.parameters"));
+    errors(at(json, "baseline.fit"), &["train", "held_out"]);
+    place(at(json, "where"));
+    list(json, "findings").iter().for_each(finding);
+    errors(at(json, "fit"), &["before.held_out", "after.held_out"]);
+    assert_eq!(
+        text(json, "verdict") == "adequate",
+        list(json, "findings").is_empty() && text(json, "verdict") != "unknown"
+    );
+}
+
+#[test]
+fn diagnose_names_what_is_left_out() {
+    let folder = Folder::with(UNBALANCED, SECONDS);
+    let shown = folder.done(
+        "diagnose run.csv --model axis.toml --json out.json --model-out out.toml --report out.html",
+    );
+    let json = folder.json("out.json");
+    diagnosis(&json);
+    assert_eq!(text(&json, "verdict"), "explained");
+    let first = &list(&json, "findings")[0];
+    assert_eq!(text(first, "id"), "gravity");
+    // Within four of its own standard errors, which would fail by chance once in 15,000 seeds.
+    for (name, truth) in [("amplitude", 0.08), ("phase", 0.5)] {
+        let value = number(first, &format!("parameters.{name}.value"));
+        let se = number(first, &format!("parameters.{name}.se"));
+        assert!((value - truth).abs() < 4.0 * se, "{name}: {value} ± {se}");
+        assert!(se < 0.1 * truth, "{name}: {value} ± {se}");
+    }
+    assert_eq!(text(first, "parameters.amplitude.unit"), "N*m");
+    let (before, after) = (
+        number(&json, "fit.before.held_out.nrmse"),
+        number(&json, "fit.after.held_out.nrmse"),
+    );
+    assert!(after < 0.5 * before, "{before} before, {after} after");
+    for word in ["EXPLAINED", "gravity", "out.json", "out.toml", "out.html"] {
+        assert!(shown.contains(word), "{word} is not in: {shown}");
+    }
+    assert!(folder.read("out.html").contains("gravity"));
+    // Nothing is left to chance: the same command writes the same bytes.
+    let first = folder.files();
+    folder.done(
+        "diagnose run.csv --model axis.toml --json out.json --model-out out.toml --report out.html",
+    );
+    assert!(folder.files() == first);
+}
+
+#[test]
+fn diagnose_calls_a_complete_model_adequate() {
+    let folder = Folder::with(PLAIN, SECONDS);
+    folder.done("diagnose run.csv --model axis.toml --json out.json");
+    let json = folder.json("out.json");
+    diagnosis(&json);
+    assert_eq!(text(&json, "verdict"), "adequate");
+    assert!(list(&json, "findings").is_empty());
+    for (name, truth) in [("inertia", 0.012), ("coulomb", 0.12), ("viscous", 0.02)] {
+        let value = number(&json, &format!("baseline.parameters.{name}.value"));
+        let se = number(&json, &format!("baseline.parameters.{name}.se"));
+        assert!((value - truth).abs() < 4.0 * se, "{name}: {value} ± {se}");
+    }
+}
+
+#[test]
+fn check_tells_by_its_status() {
+    let folder = Folder::with(UNBALANCED, SECONDS);
+    let line = "diagnose run.csv --model axis.toml --check";
+    assert_eq!(folder.run(line).status, 3);
+    assert_eq!(folder.run("diagnose run.csv --model axis.toml").status, 0);
+    folder.write("axis.toml", format!("{BASELINE}\n[effects.gravity]\n"));
+    assert_eq!(folder.run(line).status, 0);
+}
+
+#[test]
+fn what_diagnose_writes_is_a_model() {
+    let folder = Folder::with(UNBALANCED, SECONDS);
+    folder.done("diagnose run.csv --model axis.toml --model-out found.toml --json found.json");
+    folder.done("simulate --model found.toml --input run.csv --out out.csv --horizon 1");
+    folder.done("identify run.csv --model found.toml --json again.json");
+    let (found, again) = (folder.json("found.json"), folder.json("again.json"));
+    for name in [
+        "inertia",
+        "coulomb",
+        "viscous",
+        "gravity.amplitude",
+        "gravity.phase",
+    ] {
+        let (a, b) = (
+            number(&found["parameters"][name], "value"),
+            number(&again["parameters"][name], "value"),
+        );
+        let se = number(&found["parameters"][name], "se");
+        // The same model on the same data; only the noise is estimated anew, from a better start.
+        assert!((a - b).abs() < se, "{name}: {a} and {b} ± {se}");
+    }
+    // With the findings in it, nothing is left out.
+    let ran = folder.run("diagnose run.csv --model found.toml --check");
+    assert_eq!(ran.status, 0, "{ran:?}");
+}
+
+#[test]
+fn identify_estimates_with_errors() {
+    let folder = Folder::with(PLAIN, SECONDS);
+    let shown = folder.done(
+        "identify run.csv --model axis.toml --json out.json --model-out out.toml --report out.html",
+    );
+    let json = folder.json("out.json");
+    assert_eq!(text(&json, "schema"), "bristle.identification/1");
+    parameters(at(&json, "parameters"));
+    errors(at(&json, "fit"), &["train", "held_out"]);
+    for (name, truth) in [("inertia", 0.012), ("coulomb", 0.12), ("viscous", 0.02)] {
+        let value = number(&json, &format!("parameters.{name}.value"));
+        let se = number(&json, &format!("parameters.{name}.se"));
+        assert!((value - truth).abs() < 4.0 * se, "{name}: {value} ± {se}");
+        assert!(se < 0.1 * truth, "{name}: {value} ± {se}");
+        assert!(shown.contains(name));
+    }
+    assert_eq!(at(&json, "parameters.gain.value"), 1.0);
+    // A value that is given stays as it is.
+    folder.write(
+        "axis.toml",
+        BASELINE.replace("inertia = \"?\"", "inertia = 0.013"),
+    );
+    folder.done("identify run.csv --model axis.toml --json out.json");
+    assert_eq!(
+        at(&folder.json("out.json"), "parameters.inertia.value"),
+        0.013
+    );
+}
+
+#[test]
+fn the_written_model_keeps_comments() {
+    let folder = Folder::with(PLAIN, SECONDS);
+    folder.write("axis.toml", format!("# bench 3\n{BASELINE}"));
+    folder.done("identify run.csv --model axis.toml --model-out out.toml");
+    let written = folder.read("out.toml");
+    assert!(
+        written.starts_with("# bench 3\n") && written.contains("se = "),
+        "{written}"
+    );
+}
+
+#[test]
+fn several_recordings_share_the_parameters() {
+    let folder = Folder::with(UNBALANCED, SECONDS);
+    folder.write("two.csv", csv(&record(UNBALANCED, SECONDS, 2)));
+    folder.done("identify run.csv --model axis.toml --json one.json");
+    folder.done("identify run.csv two.csv --model axis.toml --json both.json");
+    let inertia = |name: &str| {
+        let json = folder.json(name);
+        (
+            number(&json, "parameters.inertia.value"),
+            number(&json, "parameters.inertia.se"),
+        )
+    };
+    let ((one, one_se), (both, both_se)) = (inertia("one.json"), inertia("both.json"));
+    // Twice the data: about 1/√2 of the error, which itself is estimated.
+    assert!(
+        both_se < 0.9 * one_se,
+        "{one} ± {one_se}, {both} ± {both_se}"
+    );
+    folder.done("diagnose run.csv two.csv --model axis.toml --json out.json --report out.html");
+    let json = folder.json("out.json");
+    diagnosis(&json);
+    assert_eq!(text(&list(&json, "findings")[0], "id"), "gravity");
+}
+
+/// The columns of a prediction.
+fn prediction(text: &str) -> Vec<[f64; 4]> {
+    let mut lines = text.lines();
+    assert_eq!(lines.next(), Some("t,u,q,v"));
+    lines
+        .map(|line| {
+            let cells: Vec<f64> = line
+                .split(',')
+                .map(|cell| cell.parse().expect("a number"))
+                .collect();
+            cells.try_into().expect("four cells")
+        })
+        .collect()
+}
+
+#[test]
+fn simulate_runs_at_the_instants_of_the_recording() {
+    // Without noise that is not recorded, the model follows to within the encoder's count and its growth.
+    let folder = Folder::with(PLAIN, SECONDS);
+    folder.write("axis.toml", PLAIN);
+    let samples = record(PLAIN, SECONDS, 1);
+    folder.done("simulate --model axis.toml --input run.csv --out whole.csv");
+    folder.done("simulate --model axis.toml --input run.csv --out windows.csv --horizon 0.5");
+    let [whole, windows] = ["whole.csv", "windows.csv"].map(|name| prediction(&folder.read(name)));
+    for rows in [&whole, &windows] {
+        assert_eq!(rows.len(), samples.len());
+        for (row, sample) in rows.iter().zip(&samples) {
+            assert_eq!([row[0], row[1]], [sample.t, sample.u]);
+            assert!(row[2].is_finite() && row[3].is_finite());
+        }
+        assert_eq!(rows[0][2], samples[0].q);
+    }
+    // At every restart the prediction stands where the axis was measured; 0.5 s are 250 samples.
+    for (row, sample) in windows.iter().zip(&samples).step_by(250) {
+        assert_eq!(row[2], sample.q, "at {} s", sample.t);
+    }
+    let error = |rows: &[[f64; 4]]| {
+        let sum: f64 = rows
+            .iter()
+            .zip(&samples)
+            .map(|(r, s)| (r[2] - s.q).powi(2))
+            .sum();
+        (sum / rows.len() as f64).sqrt()
+    };
+    let moved = samples.iter().map(|s| s.q * s.q).sum::<f64>() / samples.len() as f64;
+    assert!(error(&windows) < 0.02 * moved.sqrt(), "{}", error(&windows));
+    assert!(error(&windows) < error(&whole));
+}
+
+#[test]
+fn an_imposed_motion_gives_the_force() {
+    let folder = Folder::with(PLAIN, SECONDS);
+    let inverse = |model: &str| model.replacen("[plant]", "[plant]\ncausality = \"inverse\"", 1);
+    folder.write("axis.toml", inverse(BASELINE));
+    folder.done("diagnose run.csv --model axis.toml --json out.json --report out.html");
+    diagnosis(&folder.json("out.json"));
+    folder.write("truth.toml", inverse(PLAIN));
+    folder.done("simulate --model truth.toml --input run.csv --out out.csv");
+    let samples = record(PLAIN, SECONDS, 1);
+    let rows = prediction(&folder.read("out.csv"));
+    assert_eq!(rows.len(), samples.len());
+    let (mut error, mut signal) = (0.0, 0.0);
+    for (row, sample) in rows.iter().zip(&samples) {
+        assert_eq!((row[0], row[2]), (sample.t, sample.q));
+        error += (row[1] - sample.u).powi(2);
+        signal += sample.u * sample.u;
+    }
+    // Acceleration comes from smoothed positions, so the force at reversals is rounded off.
+    assert!(error < 0.1 * signal, "{error} of {signal}");
+}
+
+#[test]
+fn explain_knows_the_whole_catalogue() {
+    let folder = Folder::new();
+    let listed = folder.done("explain");
+    let ids: Vec<&str> = effects::ALL
+        .iter()
+        .map(|effect| effect.id())
+        .chain(effects::PLANNED.iter().map(|planned| planned.id))
+        .collect();
+    assert_eq!(ids.len(), 24);
+    for id in &ids {
+        let entries = listed
+            .lines()
+            .filter(|l| l.split_whitespace().next() == Some(id));
+        assert_eq!(entries.count(), 1, "{id} in: {listed}");
+        let page = folder.done(&format!("explain {id}"));
+        assert!(page.contains(id) && page.len() > 100, "{id}: {page}");
+    }
+    for effect in effects::ALL {
+        let page = folder.done(&format!("explain {}", effect.id()));
+        for heading in [
+            "What it is",
+            "looks like",
+            "What excites it",
+            "Confused with",
+        ] {
+            assert!(page.contains(heading), "{heading} of {}", effect.id());
+        }
+        for parameter in effect.parameters() {
+            assert!(
+                page.contains(parameter.name),
+                "{} of {}",
+                parameter.name,
+                effect.id()
+            );
+        }
+    }
+    for planned in effects::PLANNED {
+        let page = folder.done(&format!("explain {}", planned.id));
+        assert!(page.contains("does not diagnose it yet"), "{page}");
+    }
+    let ran = folder.run("explain stribek");
+    assert_eq!(ran.status, 2);
+    assert!(
+        ran.stderr.contains("did you mean stribeck?"),
+        "{}",
+        ran.stderr
+    );
+}
+
+#[test]
+fn help_names_every_option() {
+    let folder = Folder::new();
+    let common = ["--model", "--model-out", "--json", "--report", "REC"];
+    for (verb, options) in [
+        ("identify", [common.as_slice(), &[]].concat()),
+        ("diagnose", [common.as_slice(), &["--check"]].concat()),
+        ("simulate", vec!["--model", "--input", "--out", "--horizon"]),
+        ("explain", vec!["ID"]),
+        ("demo", vec!["--out"]),
+    ] {
+        assert!(folder.done("--help").contains(verb), "{verb}");
+        let help = folder.done(&format!("{verb} --help"));
+        for option in options {
+            assert!(help.contains(option), "{option} of {verb}");
+        }
+    }
+    let help = folder.done("--help");
+    assert!(help.contains("Exit status"), "{help}");
+    assert!(folder.done("--version").starts_with("bristle "));
+}
+
+#[test]
+fn demo_leaves_a_report_and_names_it() {
+    let folder = Folder::new();
+    let shown = folder.done("demo");
+    let last = shown.trim_end().lines().last().unwrap_or_default();
+    assert!(last.contains("bristle-demo/report.html"), "{shown}");
+    let json = folder.json("bristle-demo/diagnosis.json");
+    diagnosis(&json);
+    assert_eq!(text(&json, "verdict"), "explained");
+    assert_eq!(text(&list(&json, "findings")[0], "id"), "stribeck");
+    assert!(folder.read("bristle-demo/report.html").contains("stribeck"));
+    folder.done("identify bristle-demo/recording.csv --model bristle-demo/diagnosed.toml");
+    // Somewhere else, and from other noise.
+    folder.done("demo --out else/where --seed 7");
+    assert_ne!(
+        folder.read("bristle-demo/recording.csv"),
+        folder.read("else/where/recording.csv")
+    );
+}
