@@ -24,6 +24,8 @@ struct Trial {
     verdict: String,
     names: Vec<&'static str>,
     line: String,
+    /// Errors of inertia, Coulomb and viscous friction of the baseline, in standard errors.
+    errors: Option<[f64; 3]>,
 }
 
 fn main() {
@@ -64,6 +66,7 @@ fn main() {
         trials.iter().for_each(|t| println!("{}", t.line));
     }
     clean_table(&trials);
+    coverage_table(&trials);
     confusion_table(&trials);
 }
 
@@ -138,28 +141,39 @@ fn attempt(recipe: &Recipe, velocity_only: bool) -> Option<Trial> {
         q,
         v,
     }];
-    let (verdict, names, more) = match identify(&recording, &model).and_then(|(bench, baseline)| {
-        diagnose(&bench, &baseline, &recording, &|_| {}).map(|o| (bench, o))
-    }) {
-        Ok((bench, outcome)) => {
-            let d = &outcome.diagnosis;
-            let more = format!(
-                "T {:.3} nrmse {:.3}->{:.3} J err {:+.3} left {:?} {:?}",
-                d.half_width[0],
-                d.fit.before.held_out.nrmse,
-                d.fit.after.held_out.nrmse,
-                outcome.after.inertia.value.unwrap_or(0.0) / made.truth.inertia - 1.0,
-                (
-                    d.leftover.gain,
-                    d.leftover.size,
-                    d.leftover.coordinates.first().copied()
-                ),
-                bench.problem.rows.len(),
-            );
-            (d.verdict, d.findings.iter().map(|f| f.id).collect(), more)
-        }
-        Err(error) => (Verdict::Unknown, vec!["error"], error.to_string()),
-    };
+    let (verdict, names, more, errors) =
+        match identify(&recording, &model).and_then(|(bench, baseline)| {
+            diagnose(&bench, &baseline, &recording, &|_| {}).map(|o| (bench, o))
+        }) {
+            Ok((bench, outcome)) => {
+                let d = &outcome.diagnosis;
+                let more = format!(
+                    "T {:.3} nrmse {:.3}->{:.3} J err {:+.3} left {:?} {:?}",
+                    d.half_width[0],
+                    d.fit.before.held_out.nrmse,
+                    d.fit.after.held_out.nrmse,
+                    outcome.after.inertia.value.unwrap_or(0.0) / made.truth.inertia - 1.0,
+                    (
+                        d.leftover.gain,
+                        d.leftover.size,
+                        d.leftover.coordinates.first().copied()
+                    ),
+                    bench.problem.rows.len(),
+                );
+                let error = |p: &bristle::model::Parameter, truth: f64| {
+                    (p.value.unwrap_or(f64::NAN) - truth) / p.se.unwrap_or(f64::NAN)
+                };
+                let before = &outcome.before;
+                let errors = [
+                    error(&before.inertia, made.truth.inertia),
+                    error(&before.coulomb, made.truth.coulomb),
+                    error(&before.viscous, made.truth.viscous),
+                ];
+                let names = d.findings.iter().map(|f| f.id).collect();
+                (d.verdict, names, more, Some(errors))
+            }
+            Err(error) => (Verdict::Unknown, vec!["error"], error.to_string(), None),
+        };
     let verdict = format!("{verdict:?}").to_lowercase();
     let line = format!(
         "{:?} seed {} size {} noise {:?} {:?} {:?} rate {} counts {} {} met {}: {verdict} {names:?} | {more}",
@@ -181,6 +195,7 @@ fn attempt(recipe: &Recipe, velocity_only: bool) -> Option<Trial> {
         verdict,
         names,
         line,
+        errors,
     })
 }
 
@@ -202,6 +217,21 @@ fn clean_table(trials: &[Trial]) {
             .collect();
         let right = clean.iter().filter(|t| t.verdict == "adequate").count();
         println!("  noise {noise:?}: {right} of {}", clean.len());
+    }
+}
+
+/// How often the truth of a clean plant lies within so many standard errors of the estimate.
+fn coverage_table(trials: &[Trial]) {
+    println!(
+        "\nTruth of clean plants within 2 and 3 standard errors (95.4 and 99.7 % if errors were normal):"
+    );
+    for (k, name) in ["inertia", "coulomb", "viscous"].iter().enumerate() {
+        let clean = trials.iter().filter(|t| t.truth.is_empty());
+        let errors: Vec<f64> = clean.filter_map(|t| t.errors).map(|e| e[k].abs()).collect();
+        let within = |z: f64| {
+            100.0 * errors.iter().filter(|e| **e <= z).count() as f64 / errors.len().max(1) as f64
+        };
+        println!("  {name:<8}{:>6.1} %{:>6.1} %", within(2.0), within(3.0));
     }
 }
 

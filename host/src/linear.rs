@@ -122,3 +122,57 @@ pub fn score(
         by_fold,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::score;
+    use rand::{Rng, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    const ROWS: usize = 4000;
+
+    /// Numbers of variance one, a column for each seed.
+    fn noise(seed: u64) -> Vec<f64> {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let amplitude = 3f64.sqrt();
+        (0..ROWS)
+            .map(|_| rng.random_range(-amplitude..amplitude))
+            .collect()
+    }
+
+    fn folds() -> Vec<Option<usize>> {
+        (0..ROWS).map(|k| Some(k / 100 % 5)).collect()
+    }
+
+    #[test]
+    fn noise_in_a_regressor_attenuates_and_its_known_energy_corrects() {
+        let (truth, error) = (noise(1), noise(2));
+        let response: Vec<f64> = truth.iter().map(|x| 2.0 * x).collect();
+        let seen: Vec<f64> = truth.iter().zip(&error).map(|(x, e)| x + 0.5 * e).collect();
+        let slope = |errors| {
+            let fit = score(&response, &[&seen], &folds(), 0.0, errors).unwrap();
+            fit.beta[0]
+        };
+        // Attenuation by 1/(1 + 0.25); the scatter of the estimate is about 1/√4000.
+        assert!((slope(None) - 1.6).abs() < 0.05);
+        assert!((slope(Some((0, 0.25 * ROWS as f64))) - 2.0).abs() < 0.08);
+    }
+
+    #[test]
+    fn cross_validation_punishes_what_does_not_belong() {
+        let (x, y) = (noise(3), noise(4));
+        let response: Vec<f64> = x.iter().zip(&y).map(|(x, e)| x + e).collect();
+        let useless: Vec<Vec<f64>> = (10..40).map(noise).collect();
+        let mut columns: Vec<&[f64]> = vec![&x];
+        let small = score(&response, &columns, &folds(), 0.0, None).unwrap();
+        columns.extend(useless.iter().map(Vec::as_slice));
+        let large = score(&response, &columns, &folds(), 0.0, None).unwrap();
+        assert!(large.chi2 < small.chi2 && large.cross_validated > small.cross_validated);
+    }
+
+    #[test]
+    fn columns_that_do_not_determine_the_fit_are_refused() {
+        let x = noise(5);
+        assert!(score(&x, &[&vec![0.0; ROWS]], &vec![None; ROWS], 0.0, None).is_none());
+    }
+}
