@@ -68,12 +68,8 @@ fn parameters(json: &Value) {
     assert!(!parameters.is_empty());
     for (name, parameter) in parameters {
         assert!(number(parameter, "value").is_finite(), "{name}");
-        // A value that was given has no standard error.
-        let se = at(parameter, "se");
-        assert!(
-            se.is_null() || se.as_f64().is_some_and(|se| se >= 0.0),
-            "{name}: {se}"
-        );
+        let se = number(parameter, "se");
+        assert!(se >= 0.0, "{name}: {se}");
         text(parameter, "unit");
     }
 }

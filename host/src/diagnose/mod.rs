@@ -26,10 +26,17 @@ use trial::Trial;
 pub struct Estimate {
     /// The value.
     pub value: f64,
-    /// Standard error; `None` for a value that was given.
+    /// Standard error; `None` for a value that was given, 0 in JSON.
+    #[serde(serialize_with = "number")]
     pub se: Option<f64>,
     /// SI unit.
     pub unit: &'static str,
+}
+
+/// A number whatever the case, as other programs expect; an error without bound becomes the largest one.
+#[allow(clippy::ref_option)] // The signature that serde asks for.
+fn number<S: serde::Serializer>(se: &Option<f64>, to: S) -> std::result::Result<S::Ok, S::Error> {
+    to.serialize_f64(se.unwrap_or(0.0).min(f64::MAX))
 }
 
 /// Parameters by name.
