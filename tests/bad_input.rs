@@ -250,7 +250,7 @@ fn files_that_cannot_be_read() {
     }
     for name in ["run.mat", "run.parquet"] {
         for line in verbs(name, "axis.toml") {
-            refused(&folder, &line, &[name, "CSV"]);
+            refused(&folder, &line, &[name, "cannot be read"]);
         }
     }
     // One bad recording among good ones stops everything.

@@ -25,7 +25,7 @@ const LEFT_OUT: u8 = 3;
 /// Example: bristle diagnose run.csv --model axis.toml --model-out fitted.toml --report report.html
 #[derive(Args, Debug)]
 pub(super) struct Command {
-    /// Recordings (CSV) of one axis; each is an experiment of its own, all share the parameters
+    /// Recordings (CSV, Parquet or MATLAB level 5) of one axis; each is an experiment of its own, all share the parameters
     #[arg(required = true, value_name = "REC")]
     recordings: Vec<PathBuf>,
     /// Model file (TOML) of the baseline; "?" marks what is to be estimated

@@ -23,7 +23,7 @@ use crate::report;
 /// Example: bristle identify run.csv --model axis.toml --model-out fitted.toml
 #[derive(Args, Debug)]
 pub(super) struct Command {
-    /// Recordings (CSV) of one axis; each is an experiment of its own, all share the parameters
+    /// Recordings (CSV, Parquet or MATLAB level 5) of one axis; each is an experiment of its own, all share the parameters
     #[arg(required = true, value_name = "REC")]
     recordings: Vec<PathBuf>,
     /// Model file (TOML); "?" marks what is to be estimated

@@ -15,7 +15,8 @@ use crate::error::{Error, Result};
 /// Finds the physics that a servo axis model leaves out, models it and proves that the fit improves.
 ///
 /// A recording is a CSV file whose first line names its columns, as in `t[s],u[N*m],q[rad]`: time, what drives the
-/// axis (torque, force, voltage or current), and the measured position (or v, velocity). A model file (TOML) says
+/// axis (torque, force, voltage or current), and the measured position (or v, velocity); Parquet and MATLAB level-5
+/// files with such columns do as well. A model file (TOML) says
 /// what is known of the axis; every "?" in it is estimated.
 ///
 /// Start with `bristle demo`, then `bristle diagnose run.csv --model axis.toml --report report.html`.

@@ -1,22 +1,11 @@
 //! Recordings as comma, semicolon or tab separated text.
 
-use std::collections::BTreeMap;
-use std::path::Path;
-
-use super::Recording;
-use super::header::{Column, Header};
+use super::header::Header;
+use super::table::{LARGEST, Source, Table};
 use crate::error::{Error, Result};
-use crate::model::Columns;
-use crate::motion::Motion;
 
-/// A recording and where in its file the samples stand, for messages.
-pub(super) struct Table {
-    pub recording: Recording,
-    /// The line of the header, then that of each sample.
-    pub lines: Vec<usize>,
-}
-
-pub(super) fn read(path: &Path, columns: &Columns, motion: Motion) -> Result<Table> {
+pub(super) fn read(source: &Source) -> Result<Table> {
+    let path = source.path;
     let bytes = std::fs::read(path).map_err(|reason| Error::Unreadable {
         path: path.to_owned(),
         reason,
@@ -35,22 +24,10 @@ pub(super) fn read(path: &Path, columns: &Columns, motion: Motion) -> Result<Tab
     let text = String::from_utf8(bytes)
         .map_err(|e| not_text(&e.as_bytes()[..e.utf8_error().valid_up_to()]))?;
     let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
-    Reader {
-        path,
-        columns,
-        motion,
-    }
-    .parse(text)
+    source.parse(text)
 }
 
-/// A file to read, and what the model file says about it.
-pub(super) struct Reader<'a> {
-    pub path: &'a Path,
-    pub columns: &'a Columns,
-    pub motion: Motion,
-}
-
-impl Reader<'_> {
+impl Source<'_> {
     fn parse(&self, text: &str) -> Result<Table> {
         let delimiter = delimiter(first_line(text));
         let mut table = csv::ReaderBuilder::new()
@@ -61,7 +38,7 @@ impl Reader<'_> {
             .from_reader(text.as_bytes());
         let header = table.headers().map_err(|e| self.malformed(&e))?.clone();
         let mut header = Header {
-            reader: self,
+            source: self,
             names: header.iter().collect(),
             line: header.position().map_or(1, |p| line_of(text, p)),
         };
@@ -93,28 +70,12 @@ impl Reader<'_> {
                     number(cell, decimal_comma).map_err(|what| self.cell(line, column, what))?;
                 values.push(value * column.factor);
             }
-            if let [.., earlier, now] = values[0][..]
-                && now <= earlier
-            {
-                let what = format!(
-                    "time does not increase: {now} s comes after {earlier} s; remove the repeated or misplaced rows"
-                );
-                return Err(self.cell(line, &used[0], what));
+            if let [.., earlier, now] = values[0][..] {
+                self.check_order(earlier, now, line, &used[0])?;
             }
             lines.push(line);
         }
-        let mut values: BTreeMap<&str, Vec<f64>> =
-            used.iter().map(|column| column.name).zip(values).collect();
-        Ok(Table {
-            recording: Recording {
-                path: self.path.to_owned(),
-                t: values.remove("t").unwrap_or_default(),
-                u: values.remove("u").unwrap_or_default(),
-                q: values.remove("q"),
-                v: values.remove("v"),
-            },
-            lines,
-        })
+        Ok(self.table(&used, values, lines))
     }
 
     /// Refuses a row with more or fewer cells than the header, as its values may stand under the wrong names.
@@ -137,24 +98,8 @@ impl Reader<'_> {
         })
     }
 
-    fn cell(&self, line: usize, column: &Column, what: String) -> Error {
-        Error::Cell {
-            path: self.path.to_owned(),
-            line,
-            column: column.header.clone(),
-            what,
-        }
-    }
-
     fn malformed(&self, error: &csv::Error) -> Error {
         self.whole(&format!("not a readable table: {error}"))
-    }
-
-    fn whole(&self, what: &str) -> Error {
-        Error::Recording {
-            path: self.path.to_owned(),
-            what: what.to_owned(),
-        }
     }
 }
 
@@ -196,9 +141,6 @@ fn delimiter(header: &str) -> u8 {
     }
 }
 
-/// Loggers mark what they miss by numbers as large as they have.
-const LARGEST: f64 = 1e30;
-
 fn number(cell: &str, decimal_comma: bool) -> std::result::Result<f64, String> {
     if cell.is_empty() {
         return Err("the cell is empty; fill it or remove the row".to_owned());
@@ -225,13 +167,15 @@ fn number(cell: &str, decimal_comma: bool) -> std::result::Result<f64, String> {
 
 #[cfg(test)]
 mod tests {
-    use super::{Reader, delimiter};
+    use super::delimiter;
     use crate::model::Columns;
     use crate::motion::Motion;
+    use crate::recording::Recording;
+    use crate::recording::table::Source;
     use std::path::Path;
 
-    fn parse(text: &str, columns: &Columns) -> crate::error::Result<super::Recording> {
-        Reader {
+    fn parse(text: &str, columns: &Columns) -> crate::error::Result<Recording> {
+        Source {
             path: Path::new("run.csv"),
             columns,
             motion: Motion::Rotary,

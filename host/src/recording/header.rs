@@ -1,6 +1,7 @@
 //! The first line of a recording: which of its columns are used, and their units.
 
-use super::csv::{Reader, excerpt};
+use super::csv::excerpt;
+use super::table::Source;
 use super::units;
 use crate::error::{Error, Result};
 
@@ -14,7 +15,7 @@ pub(super) struct Column {
 
 /// The names that the first line gives.
 pub(super) struct Header<'a> {
-    pub reader: &'a Reader<'a>,
+    pub source: &'a Source<'a>,
     pub names: Vec<&'a str>,
     pub line: usize,
 }
@@ -36,7 +37,7 @@ impl Header<'_> {
 
     /// Finds the column that the model file maps to `name`, or the one so called.
     fn column(&self, name: &'static str) -> Result<Option<Column>> {
-        let mapped = self.reader.columns.get(name);
+        let mapped = self.source.columns.get(name);
         let wanted = mapped.map_or(name, String::as_str);
         let Some(index) = self.index(wanted)? else {
             return match mapped {
@@ -53,7 +54,7 @@ impl Header<'_> {
         let header = self.names[index];
         let factor = match split_unit(header).1 {
             None => 1.0,
-            Some(unit) => units::factor(name, unit, self.reader.motion)
+            Some(unit) => units::factor(name, unit, self.source.motion)
                 .map_err(|what| self.refuse(header, what))?,
         };
         Ok(Some(Column {
@@ -107,7 +108,7 @@ impl Header<'_> {
 
     fn refuse(&self, column: &str, what: String) -> Error {
         Error::Cell {
-            path: self.reader.path.to_owned(),
+            path: self.source.path.to_owned(),
             line: self.line,
             column: column.to_owned(),
             what,

@@ -2,6 +2,9 @@
 
 mod csv;
 mod header;
+mod matlab;
+mod parquet;
+mod table;
 mod units;
 
 use std::path::{Path, PathBuf};
@@ -9,6 +12,7 @@ use std::path::{Path, PathBuf};
 use crate::error::{Error, Result};
 use crate::model::Columns;
 use crate::motion::Motion;
+use table::Source;
 
 /// One run of one axis, in SI units.
 ///
@@ -33,21 +37,22 @@ const FEWEST_SAMPLES: usize = 200;
 const LONGEST_GAP: f64 = 1000.0;
 
 impl Recording {
-    /// Reads a recording, renaming columns by `columns` and converting units for an axis that moves by `motion`.
+    /// Reads a CSV, Parquet or MATLAB level-5 recording, renaming columns by `columns` and converting units for an axis that moves by `motion`.
     pub fn read(path: &Path, columns: &Columns, motion: Motion) -> Result<Self> {
         let extension = path
             .extension()
             .and_then(|e| e.to_str())
             .unwrap_or_default();
-        if ["parquet", "mat"].contains(&extension.to_ascii_lowercase().as_str()) {
-            return Err(Error::Recording {
-                path: path.to_owned(),
-                what: format!(
-                    "this version reads CSV only, not .{extension}; export the table as CSV with a first line like t[s],u[N*m],q[rad]"
-                ),
-            });
-        }
-        let table = csv::read(path, columns, motion)?;
+        let source = Source {
+            path,
+            columns,
+            motion,
+        };
+        let table = match extension.to_ascii_lowercase().as_str() {
+            "parquet" | "pq" => parquet::read(&source)?,
+            "mat" => matlab::read(&source)?,
+            _ => csv::read(&source)?,
+        };
         table.recording.check(&table.lines)?;
         Ok(table.recording)
     }

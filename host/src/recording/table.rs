@@ -1,0 +1,115 @@
+//! What all file formats share: columns of numbers that become a recording.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use super::Recording;
+use super::header::{Column, Header};
+use crate::error::{Error, Result};
+use crate::model::Columns;
+use crate::motion::Motion;
+
+/// A file to read, and what the model file says about it.
+pub(super) struct Source<'a> {
+    pub path: &'a Path,
+    pub columns: &'a Columns,
+    pub motion: Motion,
+}
+
+/// A recording and where in its file the samples stand, for messages.
+pub(super) struct Table {
+    pub recording: Recording,
+    /// The line of the header, then that of each sample.
+    pub lines: Vec<usize>,
+}
+
+/// Loggers mark what they miss by numbers as large as they have.
+pub(super) const LARGEST: f64 = 1e30;
+
+impl Source<'_> {
+    /// Makes a recording of a file that holds whole columns; `load` reads the one at an index.
+    ///
+    /// Messages count lines as if the table were text: the names on line 1, the first row on line 2.
+    pub fn assemble(
+        &self,
+        names: Vec<&str>,
+        mut load: impl FnMut(usize) -> Result<Vec<f64>>,
+    ) -> Result<Table> {
+        let header = Header {
+            source: self,
+            names,
+            line: 1,
+        };
+        let used = header.used()?;
+        let mut values = Vec::new();
+        for column in &used {
+            let mut loaded = load(column.index)?;
+            for (row, value) in loaded.iter_mut().enumerate() {
+                if value.is_nan() || value.abs() >= LARGEST {
+                    let what = format!(
+                        "{value} is not a usable number; remove the row or repair the logger"
+                    );
+                    return Err(self.cell(row + 2, column, what));
+                }
+                *value *= column.factor;
+            }
+            values.push(loaded);
+        }
+        let rows = values[0].len();
+        if let Some((column, other)) = used.iter().zip(&values).find(|(_, v)| v.len() != rows) {
+            let what = format!(
+                "{} values here but {rows} in {}; the columns of a recording have one length",
+                other.len(),
+                used[0].header
+            );
+            return Err(self.cell(rows.min(other.len()) + 2, column, what));
+        }
+        for (row, pair) in values[0].windows(2).enumerate() {
+            self.check_order(pair[0], pair[1], row + 3, &used[0])?;
+        }
+        Ok(self.table(&used, values, (1..rows + 2).collect()))
+    }
+
+    /// The recording that columns of SI values make.
+    pub fn table(&self, used: &[Column], values: Vec<Vec<f64>>, lines: Vec<usize>) -> Table {
+        let mut values: BTreeMap<&str, Vec<f64>> =
+            used.iter().map(|column| column.name).zip(values).collect();
+        Table {
+            recording: Recording {
+                path: self.path.to_owned(),
+                t: values.remove("t").unwrap_or_default(),
+                u: values.remove("u").unwrap_or_default(),
+                q: values.remove("q"),
+                v: values.remove("v"),
+            },
+            lines,
+        }
+    }
+
+    /// Refuses an instant that does not come after the one before it.
+    pub fn check_order(&self, earlier: f64, now: f64, line: usize, time: &Column) -> Result<()> {
+        if now > earlier {
+            return Ok(());
+        }
+        let what = format!(
+            "time does not increase: {now} s comes after {earlier} s; remove the repeated or misplaced rows"
+        );
+        Err(self.cell(line, time, what))
+    }
+
+    pub fn cell(&self, line: usize, column: &Column, what: String) -> Error {
+        Error::Cell {
+            path: self.path.to_owned(),
+            line,
+            column: column.header.clone(),
+            what,
+        }
+    }
+
+    pub fn whole(&self, what: &str) -> Error {
+        Error::Recording {
+            path: self.path.to_owned(),
+            what: what.to_owned(),
+        }
+    }
+}
