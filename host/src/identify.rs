@@ -10,6 +10,7 @@ use crate::model::{Causality, Model, Parameter};
 use crate::noise::Noise;
 use crate::problem::{Problem, Response};
 use crate::recording::Recording;
+use crate::refine;
 use crate::system::{self, System};
 use crate::weak::{Part, Track};
 
@@ -105,7 +106,7 @@ impl Workbench {
                 model.move_to(k, value);
             }
         }
-        let chi2 = system::refine(&self.problem, &mut model, &self.noise, &self.folds);
+        let chi2 = refine::refine(&self.problem, &mut model, &self.noise, &self.folds);
         Ok((model, chi2))
     }
 

@@ -2,7 +2,7 @@
 //!
 //! Data goes one way. A module uses only those before it in this order, which `tests/structure.rs` checks:
 //!
-//! format → motion → error → effects → model → recording → weak → problem → noise → linear → system → dictionary → axis → simulate → fit → identify → diagnose → report → cli
+//! format → motion → error → effects → model → recording → weak → problem → noise → linear → system → refine → dictionary → axis → simulate → fit → identify → diagnose → report → cli
 
 pub mod axis;
 pub mod cli;
@@ -19,6 +19,7 @@ pub mod motion;
 pub mod noise;
 pub mod problem;
 pub mod recording;
+pub mod refine;
 pub mod report;
 pub mod simulate;
 pub mod system;

@@ -1,0 +1,157 @@
+//! What was selected and confirmed, told with its evidence and its rivals.
+
+use super::locate;
+use super::select::{self, Selected};
+use super::trial::Trial;
+use super::{Estimate, Estimates, Evidence, Finding, Rival, error, whitened};
+use crate::effects;
+use crate::error::Result;
+use crate::fit::{self, Fit};
+use crate::identify::{Identified, Workbench};
+use crate::model::Model;
+use crate::recording::Recording;
+use crate::system;
+
+/// The findings in order of strength with their nested fits, and the fit of the final model.
+pub(super) fn findings(
+    bench: &Workbench,
+    baseline: &Identified,
+    selected: &[Selected],
+    after: &Model,
+    recordings: &[Recording],
+    base_error: f64,
+) -> Result<(Vec<Finding>, Fit)> {
+    let first = baseline.model.terms.len();
+    let mut findings: Vec<Finding> = Vec::new();
+    let mut last_fit = baseline.fit;
+    let mut last_error = base_error;
+    let mut last_z = whitened(bench, &baseline.model);
+    let mut last_stage = baseline.model.clone();
+    for (k, selected) in selected.iter().enumerate() {
+        let mut stage = after.clone();
+        stage.terms.truncate(first + k + 1);
+        let stage = if k + 1 == after.terms.len() - first {
+            after.clone()
+        } else {
+            bench.estimate(&stage)?.0
+        };
+        let z = whitened(bench, &stage);
+        let now = error(bench, &stage)?;
+        last_fit = fit::judge(&stage, recordings, &bench.problem.tracks)?;
+        let effect = selected.trial.effect;
+        findings.push(Finding {
+            id: effect.id(),
+            name: effect.name(),
+            confidence: confidence(selected, now),
+            text: effect.sentence(&system::values(&after.terms[first + k]), after.motion),
+            place: locate::locate(bench, &stage, &last_z, &z),
+            parameters: estimates(after, Some(first + k)),
+            evidence: Evidence {
+                delta_bic: selected.trial.delta_bic,
+                share_of_residual: (last_error - now) / base_error,
+            },
+            model: estimates(&stage, None),
+            fit: last_fit,
+            rivals: rivals(bench, &last_stage, selected, recordings)?,
+        });
+        (last_error, last_z, last_stage) = (now, z, stage);
+    }
+    Ok((findings, last_fit))
+}
+
+/// Posterior probability of the finding among the effects that passed with it, evidence tempered by the error
+/// that remains (an over-dispersed χ² counts for less).
+fn confidence(selected: &Selected, error_after: f64) -> f64 {
+    let temper = 0.5 / error_after.max(1.0);
+    let others: f64 = selected
+        .others
+        .iter()
+        .map(|o| (temper * (o.delta_bic - selected.trial.delta_bic)).exp())
+        .sum();
+    (0.99 / (1.0 + others)).max(0.01)
+}
+
+/// Effects that would have explained at least half as much, each fitted in the place of the finding.
+fn rivals(
+    bench: &Workbench,
+    before: &Model,
+    selected: &Selected,
+    recordings: &[Recording],
+) -> Result<Vec<Rival>> {
+    let close = selected
+        .others
+        .iter()
+        .filter(|o| o.delta_bic >= 0.5 * selected.trial.delta_bic);
+    let rival = |other: &Trial| {
+        let instead = bench.fit(&select::with_trial(before, other), recordings)?;
+        Ok(Rival {
+            id: other.effect.id(),
+            delta_bic: other.delta_bic,
+            model: estimates(&instead.model, None),
+            fit: instead.fit,
+            tell_apart_by: effects::tell_apart(selected.trial.effect, other.effect),
+        })
+    };
+    close.map(rival).collect()
+}
+
+/// Parameters of a whole model, or of one of its terms with what follows from them.
+pub fn estimates(model: &Model, term: Option<usize>) -> Estimates {
+    if let Some(index) = term {
+        return term_estimates(model, index);
+    }
+    let labels = model.labels();
+    labels
+        .iter()
+        .zip(model.parameters())
+        .map(|(label, parameter)| {
+            let name = label.effect.map_or_else(
+                || label.name.to_owned(),
+                |id| format!("{id}.{}", label.name),
+            );
+            (name, estimate(parameter, label.unit))
+        })
+        .collect()
+}
+
+fn estimate(parameter: &crate::model::Parameter, unit: &'static str) -> Estimate {
+    Estimate {
+        value: parameter.value.unwrap_or(f64::NAN),
+        se: if parameter.known { None } else { parameter.se },
+        unit,
+    }
+}
+
+fn term_estimates(model: &Model, index: usize) -> Estimates {
+    let term = &model.terms[index];
+    let specs = term.effect.parameters();
+    let mut all: Estimates = specs
+        .iter()
+        .zip(&term.parameters)
+        .map(|(spec, parameter)| {
+            (
+                spec.name.to_owned(),
+                estimate(parameter, model.unit(spec.quantity)),
+            )
+        })
+        .collect();
+    for derived in term.effect.derived() {
+        let parts = [&term.parameters[0], &model.coulomb, &model.viscous];
+        let sum = |f: &dyn Fn(&crate::model::Parameter) -> f64, power: i32| {
+            parts
+                .iter()
+                .zip(derived.weights)
+                .map(|(p, w)| w.powi(power) * f(p))
+                .sum::<f64>()
+        };
+        // Errors of the parts are nearly independent: one column is even in velocity, the other odd.
+        let variance = sum(&|p| p.se.unwrap_or(0.0).powi(2), 2);
+        let value = Estimate {
+            value: sum(&|p| p.value.unwrap_or(0.0), 1),
+            se: Some(variance.sqrt()),
+            unit: model.unit(derived.quantity),
+        };
+        all.insert(derived.name.to_owned(), value);
+    }
+    all
+}
