@@ -1,4 +1,4 @@
-//! A model as a system of weak-form equations: the linear problem, the residual, and the joint refinement.
+//! A model as a system of weak-form equations: the linear problem and the residual.
 //!
 //! One equation, `J·F2[q] = k·Fu[u] − Σ c·B`, solved for one of two responses ([`Response`]):
 //! - acceleration, `F2[q] = (k·Fu[u] − Σ c·B)/J`: encoder noise stays out of the regressors, and a disturbance torque is
