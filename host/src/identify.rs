@@ -12,7 +12,7 @@ use crate::problem::{Problem, Response};
 use crate::recording::Recording;
 use crate::refine;
 use crate::system::{self, System};
-use crate::weak::{Part, Track};
+use crate::weak::{Balance, Part, Track};
 
 /// Half-widths of test functions that are tried, s. The narrowest passes motion up to 7 Hz (−3 dB), the band in which an
 /// axis is a rigid body and its drive an ideal one; narrower windows bring in current loops and resonances.
@@ -21,6 +21,10 @@ const HALF_WIDTHS: [f64; 4] = [0.07, 0.1, 0.14, 0.2];
 const FEWEST_SAMPLES: usize = 8;
 /// Rows that a fit needs at least.
 const FEWEST_ROWS: usize = 40;
+
+/// Time that the axis may rest at reversals without its positions showing it, as a share of all, from which on the drive
+/// is asked: it then biases the Coulomb level by as much.
+const LEAST_DOUBT: f64 = 0.002;
 
 /// Everything that fits of one set of recordings share: rows, folds and noise.
 pub struct Workbench {
@@ -57,7 +61,57 @@ pub fn identify(recordings: &[Recording], model: &Model) -> Result<(Workbench, I
 impl Workbench {
     /// Chooses the width of the windows, lays them out and estimates the noise.
     pub fn new(recordings: &[Recording], model: &Model) -> Result<Self> {
-        let tracks = Problem::tracks(recordings, model.motion);
+        let tracks = Problem::tracks(recordings, model.motion, None);
+        let bench = Self::on(tracks, model)?;
+        let doubt = bench
+            .problem
+            .tracks
+            .iter()
+            .map(|t| t.doubt)
+            .fold(0.0, f64::max);
+        match bench.balance(model)? {
+            Some(balance) if doubt > LEAST_DOUBT => {
+                let tracks = Problem::tracks(recordings, model.motion, Some(balance));
+                Self::on(tracks, model)
+            }
+            _ => Ok(bench),
+        }
+    }
+
+    /// A rough estimate of what it takes to move the axis, functions of position included.
+    fn balance(&self, model: &Model) -> Result<Option<Balance>> {
+        let mut model = with_starts(&self.problem, model);
+        let system = System::new(&self.problem, &model)?.whitened(&self.noise);
+        let groups = self.dictionary.groups(&self.problem);
+        let position: Vec<Vec<f64>> = groups
+            .iter()
+            .filter(|g| g.coordinate == "position")
+            .flat_map(|g| &g.columns)
+            .map(|c| self.noise.whiten(c))
+            .collect();
+        let columns = system.columns.iter().chain(&position);
+        let columns: Vec<&[f64]> = columns.map(Vec::as_slice).collect();
+        let score = linear::score(
+            &system.response,
+            &columns,
+            &self.folds,
+            GENERIC_RIDGE,
+            system.errors(),
+        );
+        let Some(score) = score else { return Ok(None) };
+        let own = score.beta.rows(0, system.columns.len()).into_owned();
+        system.decode(&own, &mut model);
+        let value = |p: &Parameter| p.value.unwrap_or_default();
+        let gain = value(&model.gain);
+        let balance = Balance {
+            inertia: value(&model.inertia) / gain,
+            coulomb: value(&model.coulomb) / gain,
+        };
+        let usable = balance.inertia > 0.0 && balance.coulomb > 0.0;
+        Ok(usable.then_some(balance))
+    }
+
+    fn on(tracks: Vec<Track>, model: &Model) -> Result<Self> {
         let dictionary = Dictionary::new(&tracks);
         let mut problem = choose_width(&tracks, &dictionary, model)?;
         let train = problem.count(Part::Train);

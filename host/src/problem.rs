@@ -7,7 +7,7 @@ use std::rc::Rc;
 use crate::effects::{Effect, Inner, Survey};
 use crate::motion::Motion;
 use crate::recording::Recording;
-use crate::weak::{Part, Track, Windows};
+use crate::weak::{Balance, Part, Track, Windows};
 
 /// One row: a window of one track.
 #[derive(Clone, Copy, Debug)]
@@ -88,8 +88,13 @@ impl Problem {
     }
 
     /// Prepares the tracks of all recordings.
-    pub fn tracks(recordings: &[Recording], motion: Motion) -> Vec<Track> {
-        recordings.iter().map(|r| Track::new(r, motion)).collect()
+    pub fn tracks(
+        recordings: &[Recording],
+        motion: Motion,
+        balance: Option<Balance>,
+    ) -> Vec<Track> {
+        let track = |r| Track::new(r, motion, balance);
+        recordings.iter().map(track).collect()
     }
 
     /// One functional of every track, stacked in the order of the rows.

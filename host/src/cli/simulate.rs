@@ -75,7 +75,7 @@ fn predict(
     recording: &Recording,
     horizon: f64,
 ) -> Result<String, String> {
-    let track = Track::new(recording, model.motion);
+    let track = Track::new(recording, model.motion, None);
     let (states, u): (Vec<State>, Vec<f64>) = match model.causality {
         Causality::Forward => (
             fit::predict(axis, recording, &track, horizon, 0, recording.len()),

@@ -20,6 +20,8 @@ pub(super) struct Reversal {
     pub direction: f64,
     /// Variance of the noise as this fit sees it: the sum of squares that it leaves, per degree of freedom.
     pub variance: f64,
+    /// How long the axis may rest without the positions showing it, sampling intervals; 0 if it rests.
+    pub doubt: f64,
     /// Nodes that were fitted.
     pub nodes: Range<usize>,
     coefficients: Coefficients,
@@ -67,7 +69,8 @@ impl Reversal {
     /// Fits the reversal between nodes `before` and `after`, whose directions are certain and opposite, to the positions
     /// at `nodes`. Of three forms the one with the lowest Bayesian information criterion is taken.
     ///
-    /// `noise` is the standard deviation of the positions. `None` if the motion is not of this form.
+    /// `noise` is the standard deviation of the positions. A `drive` decides on rests that the positions are too coarse
+    /// to show. `None` if the motion is not of this form.
     pub fn fit(
         q: &[f64],
         before: usize,
@@ -75,6 +78,7 @@ impl Reversal {
         nodes: Range<usize>,
         noise: f64,
         direction: f64,
+        drive: Option<&Drive>,
     ) -> Option<Self> {
         let count = nodes.len() as f64;
         let data = Data {
@@ -82,15 +86,24 @@ impl Reversal {
             first: nodes.start as f64,
             scale: (0.5 * count).max(1.0),
         };
-        let fits: Vec<(Form, Instants, f64)> = FORMS
+        let (before, after) = (before as f64, after as f64);
+        let driven = drive.and_then(|drive| data.search_driven(drive, direction, before, after));
+        let rests = driven.is_some_and(|([halt, start], _)| start > halt);
+        let candidates = FORMS
             .iter()
-            .filter(|form| count > form.parameters() + 1.0)
+            .filter(|form| count > form.parameters() + 1.0 && (form.rests || !rests));
+        let mut fits: Vec<(Form, Instants, f64)> = candidates
             .filter_map(|&form| {
-                data.search(form, before as f64, after as f64)
+                data.search(form, before, after)
                     .map(|(at, rss)| (form, at, rss))
             })
             .filter(|(form, at, _)| !form.rests || data.rest_shows(*at, noise))
             .collect();
+        fits.extend(
+            driven
+                .filter(|_| rests)
+                .map(|(at, rss)| (FORMS[0], at, rss)),
+        );
         let variance = |fit: &(Form, Instants, f64)| fit.2 / (count - fit.0.parameters());
         let least = fits.iter().map(variance).fold(f64::INFINITY, f64::min);
         let unit = least.max(noise * noise).max(f64::MIN_POSITIVE);
@@ -105,6 +118,11 @@ impl Reversal {
             start,
             direction,
             variance: variance(best),
+            doubt: if start > halt {
+                0.0
+            } else {
+                data.dwell([halt, start], noise)
+            },
             nodes: nodes.clone(),
             coefficients: data.solve(form, [halt, start])?.0,
             scale: data.scale,
@@ -157,6 +175,36 @@ impl Reversal {
     }
 }
 
+/// The drive around a reversal and what it takes to move the axis, all in units of `u`.
+///
+/// Up to the halt the axis brakes by `J·a = k·u·σ + Fc + …`, with `σ` the direction after the reversal and whatever else
+/// acts in `…`, which stays the same at rest. So it rests until `k·σ·(u − u(halt)) ≥ 2·Fc − J·a`: not at all if braking
+/// alone is stronger than twice the friction.
+pub(super) struct Drive<'a> {
+    /// Mean of `u` in every cell.
+    pub input: &'a [f64],
+    /// `J/k`, per position and squared sampling interval.
+    pub inertia: f64,
+    /// `Fc/k`.
+    pub coulomb: f64,
+}
+
+impl Drive<'_> {
+    /// When an axis that halts after braking at `braking` moves on, `latest` at most.
+    fn start(&self, halt: f64, braking: f64, direction: f64, latest: f64) -> f64 {
+        let missing = 2.0 * self.coulomb - self.inertia * braking;
+        if missing <= 0.0 {
+            return halt;
+        }
+        let first = (halt.max(0.0) as usize).min(self.input.len() - 1);
+        let last = (latest as usize).min(self.input.len());
+        let at_halt = self.input[first];
+        let moves_on = |cell: &usize| direction * (self.input[*cell] - at_halt) >= missing;
+        let start = (first..last).find(moves_on).map_or(latest, |k| k as f64);
+        start.max(halt)
+    }
+}
+
 /// Positions around one reversal.
 struct Data<'a> {
     q: &'a [f64],
@@ -200,15 +248,57 @@ impl Data<'_> {
         Some((coefficients, rss))
     }
 
-    /// Whether the axis rests for longer than its position would stay within one step of a quantiser anyway:
-    /// `√(2Δ/a)` on either side, `Δ = √12·noise`.
+    /// Whether the axis rests for longer than its position would stay within one step of a quantiser anyway.
     fn rest_shows(&self, at: Instants, noise: f64) -> bool {
+        at[1] - at[0] > self.dwell(at, noise)
+    }
+
+    /// How long the position stays within one step of a quantiser: `√(2Δ/a)` on either side, `Δ = √12·noise`.
+    fn dwell(&self, at: Instants, noise: f64) -> f64 {
         let Some((coefficients, _)) = self.solve(FORMS[2], at) else {
-            return false;
+            return f64::INFINITY;
         };
         let step = 12f64.sqrt() * noise;
-        let dwell = |a: f64| self.scale * (step / a.abs().max(f64::MIN_POSITIVE)).sqrt();
-        at[1] - at[0] > dwell(coefficients[1]) + dwell(coefficients[4])
+        let side = |a: f64| self.scale * (step / a.abs().max(f64::MIN_POSITIVE)).sqrt();
+        side(coefficients[1]) + side(coefficients[4])
+    }
+
+    /// Halt and start where the drive says when the axis lets go, by a search for the halt alone.
+    fn search_driven(
+        &self,
+        drive: &Drive,
+        direction: f64,
+        before: f64,
+        after: f64,
+    ) -> Option<(Instants, f64)> {
+        let value = |halt: f64| {
+            let mut at = [halt, halt];
+            // The start moves the fit of the braking, and that the start: one repetition settles it.
+            for _ in 0..2 {
+                let (coefficients, _) = self.solve(FORMS[0], at)?;
+                let braking = 2.0 * direction * coefficients[1] / (self.scale * self.scale);
+                at[1] = drive.start(
+                    halt,
+                    braking,
+                    direction,
+                    self.first + self.q.len() as f64 - 1.0,
+                );
+            }
+            self.solve(FORMS[0], at).map(|(_, rss)| (at, rss))
+        };
+        let lowest = |halts: &mut dyn Iterator<Item = f64>| {
+            halts.filter_map(value).min_by(|a, b| a.1.total_cmp(&b.1))
+        };
+        let mut step = (after - before) / (GRID - 1) as f64;
+        let mut best = lowest(&mut (0..GRID).map(|k| before + k as f64 * step))?;
+        while step > RESOLUTION {
+            let halt = best.0[0];
+            match lowest(&mut [halt - step, halt + step].into_iter()).filter(|n| n.1 < best.1) {
+                Some(next) => best = next,
+                None => step *= 0.5,
+            }
+        }
+        Some(best)
     }
 
     /// Compass search for the instants, from the best of a grid between `before` and `after`.
@@ -275,7 +365,7 @@ mod tests {
     #[test]
     fn finds_a_rest_and_its_ends() {
         let q = positions(0.0803, 0.1107, 0.0);
-        let found = Reversal::fit(&q, 76, 116, 50..140, 1e-7, -1.0).unwrap();
+        let found = Reversal::fit(&q, 76, 116, 50..140, 1e-7, -1.0, None).unwrap();
         assert!(
             (found.halt - 80.3).abs() < 0.2 && (found.start - 110.7).abs() < 0.2,
             "{found:?}"
@@ -288,7 +378,7 @@ mod tests {
     fn finds_the_instant_of_a_kink_through_a_quantiser() {
         let count = 1e-3;
         let q = positions(0.0804, 0.0804, count);
-        let found = Reversal::fit(&q, 76, 88, 50..112, count / 12f64.sqrt(), -1.0).unwrap();
+        let found = Reversal::fit(&q, 76, 88, 50..112, count / 12f64.sqrt(), -1.0, None).unwrap();
         assert!(
             (found.halt - 80.4).abs() < 3.0 && found.start - found.halt < 8.0,
             "{found:?}"
@@ -299,6 +389,6 @@ mod tests {
     fn motion_of_another_form_is_refused() {
         // Two reversals where one is expected.
         let q: Vec<f64> = (0..90).map(|k| (f64::from(k) * 0.2).sin()).collect();
-        assert!(Reversal::fit(&q, 40, 50, 5..85, 1e-6, 1.0).is_none());
+        assert!(Reversal::fit(&q, 40, 50, 5..85, 1e-6, 1.0, None).is_none());
     }
 }

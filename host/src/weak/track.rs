@@ -1,6 +1,6 @@
 //! A recording on a uniform time grid, with smoothed velocity and the direction of sliding.
 
-use super::reversal::Reversal;
+use super::reversal::{Drive, Reversal};
 use super::smooth::Differentiator;
 use crate::effects::{Point, Survey};
 use crate::motion::Motion;
@@ -29,7 +29,18 @@ pub struct Track {
     pub position_noise: f64,
     /// Standard deviation of the smoothed velocity.
     pub velocity_noise: f64,
+    /// Share of the time in which the axis may rest at reversals without its positions showing it.
+    pub doubt: f64,
     input: Held,
+}
+
+/// What it takes to move an axis, in units of `u`: known roughly before anything is fitted in earnest.
+#[derive(Clone, Copy, Debug)]
+pub struct Balance {
+    /// `J/k`.
+    pub inertia: f64,
+    /// `Fc/k`.
+    pub coulomb: f64,
 }
 
 /// A held signal and its running integral.
@@ -55,8 +66,9 @@ const GAP: f64 = 5.0;
 const JITTER: f64 = 0.02;
 
 impl Track {
-    /// Resamples and smooths a recording of an axis that moves by `motion`.
-    pub fn new(recording: &Recording, motion: Motion) -> Self {
+    /// Resamples and smooths a recording of an axis that moves by `motion`. Where something is known of its `balance`,
+    /// the drive tells how long it rests.
+    pub fn new(recording: &Recording, motion: Motion, balance: Option<Balance>) -> Self {
         let t = &recording.t;
         let position = match (&recording.q, &recording.v) {
             (Some(q), _) => q.clone(),
@@ -87,11 +99,13 @@ impl Track {
             sliding: Vec::new(),
             barred: Vec::new(),
             velocity_noise: 0.0,
+            doubt: 0.0,
             input,
         };
         let filter = track.differentiate();
         let half = filter.half();
-        let reversals = track.reversals(&filter);
+        let reversals = track.reversals(&filter, balance);
+        track.doubt = reversals.iter().map(|r| r.doubt).sum::<f64>() / track.q.len() as f64;
         for reversal in &reversals {
             track.sharpen(reversal, half);
         }
@@ -196,7 +210,7 @@ impl Track {
 
     /// Fits every reversal that has enough motion in one direction on both of its sides, and keeps what describes the
     /// positions at least as well as the filter does.
-    fn reversals(&self, filter: &Differentiator) -> Vec<Reversal> {
+    fn reversals(&self, filter: &Differentiator, balance: Option<Balance>) -> Vec<Reversal> {
         let slow = SLOW * self.velocity_noise;
         // Stretches of certain direction: first node, one past the last, direction.
         let mut stretches: Vec<(usize, usize, f64)> = Vec::new();
@@ -209,6 +223,12 @@ impl Track {
         // A filter overshoots where an axis stops short; there, positions stay where they are.
         stretches.retain(|&(from, to, direction)| {
             direction * (self.q[to - 1] - self.q[from]) > CERTAIN_TRAVEL * self.position_noise
+        });
+        let input = balance.map(|_| self.input(0.0)).unwrap_or_default();
+        let drive = balance.map(|balance| Drive {
+            input: &input,
+            inertia: balance.inertia / (self.period * self.period),
+            coulomb: balance.coulomb,
         });
         let half = filter.half();
         let fit = |span: usize, pair: &[(usize, usize, f64)]| {
@@ -226,6 +246,7 @@ impl Track {
                 nodes,
                 self.position_noise,
                 direction,
+                drive.as_ref(),
             )
             .filter(|reversal| reversal.variance <= smooth)
         };
@@ -436,7 +457,7 @@ mod tests {
             v: None,
             t,
         };
-        let track = Track::new(&recording, Motion::Rotary);
+        let track = Track::new(&recording, Motion::Rotary, None);
         assert!(track.sliding[1100..1900].iter().all(|&s| s == 0.0));
         assert!(track.sliding[100..900].iter().all(|&s| s == 1.0));
     }
