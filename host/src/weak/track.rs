@@ -52,7 +52,10 @@ struct Held {
 }
 
 /// Half-widths of the velocity filter that are tried, in samples.
-const FILTERS: [usize; 9] = [3, 4, 6, 8, 11, 15, 21, 30, 42];
+const FILTERS: [usize; 14] = [3, 4, 6, 8, 11, 15, 21, 30, 42, 60, 85, 120, 170, 240];
+/// Half-width of the velocity filter at most, s: below that of the narrowest test functions (0.07 s), so that the filter
+/// follows what they pass.
+const WIDEST_FILTER: f64 = 0.05;
 /// Velocity noise that a filter may leave, as a share of the RMS speed. Half a percent keeps the error of a
 /// quadratic regressor at a percent, below the smallest effects that are looked for.
 const VELOCITY_NOISE: f64 = 0.005;
@@ -157,8 +160,8 @@ impl Track {
 
     /// Smooths with the narrowest filter that leaves little enough noise, and returns it.
     fn differentiate(&mut self) -> Differentiator {
-        let most = (self.q.len() / 4).max(2 * FILTERS[0] + 1);
-        let mut filters = FILTERS.iter().filter(|half| 2 * **half < most).peekable();
+        let most = ((WIDEST_FILTER / self.period) as usize).min(self.q.len() / 8);
+        let mut filters = FILTERS.iter().filter(|half| **half <= most).peekable();
         loop {
             let half = filters.next().copied().unwrap_or(FILTERS[0]);
             let filter = Differentiator::new(half);
