@@ -181,8 +181,10 @@ impl Workbench {
     fn with_inertia(&self, inertia: f64, mut model: Model) -> Result<(Model, f64)> {
         let bounds = std::mem::replace(&mut model.inertia, Parameter::known(inertia));
         let (mut model, chi2) = self.estimate(&model)?;
+        // Taken rather than estimated here, so without a bound on its error.
         model.inertia = Parameter {
             value: Some(inertia),
+            se: Some(f64::INFINITY),
             ..bounds
         };
         Ok((model, chi2))
