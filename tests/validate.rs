@@ -67,7 +67,8 @@ fn main() {
     }
     clean_table(&trials);
     coverage_table(&trials);
-    confusion_table(&trials);
+    confusion_matrix(&trials);
+    size_table(&trials);
 }
 
 fn recipes(
@@ -235,7 +236,36 @@ fn coverage_table(trials: &[Trial]) {
     }
 }
 
-fn confusion_table(trials: &[Trial]) {
+/// The confusion matrix: rows are what was simulated, columns what was named first.
+fn confusion_matrix(trials: &[Trial]) {
+    println!(
+        "\nNamed first, of plants with one effect (columns in the order of the rows; then nothing: adequate, unknown):"
+    );
+    print!("{:<31}", "true effect");
+    (1..=FIRST_SET.len()).for_each(|k| print!("{k:>5}"));
+    println!("{:>8}{:>8}", "adequ.", "unkn.");
+    for (k, effect) in FIRST_SET.iter().chain(&OTHERS).enumerate() {
+        let these: Vec<&Trial> = trials.iter().filter(|t| t.truth == [*effect]).collect();
+        if these.is_empty() {
+            continue;
+        }
+        let number = if k < FIRST_SET.len() {
+            format!("{:>2} ", k + 1)
+        } else {
+            "   ".to_owned()
+        };
+        print!("{number}{effect:<28}");
+        let count = |f: &dyn Fn(&Trial) -> bool| these.iter().filter(|t| f(t)).count();
+        for name in FIRST_SET {
+            print!("{:>5}", count(&|t| t.names.first() == Some(&name)));
+        }
+        let unnamed = |verdict: &str| count(&|t| t.names.is_empty() && t.verdict == verdict);
+        println!("{:>8}{:>8}", unnamed("adequate"), unnamed("unknown"));
+    }
+}
+
+/// The same by the size of the effect, as a share of the RMS drive.
+fn size_table(trials: &[Trial]) {
     println!(
         "\n{:<28}{:>6}{:>8}{:>8}{:>8}{:>8}  also named first",
         "true effect", "size", "plants", "right", "adequ.", "unkn."

@@ -62,7 +62,7 @@ impl Workbench {
     /// Chooses the width of the windows, lays them out and estimates the noise.
     pub fn new(recordings: &[Recording], model: &Model) -> Result<Self> {
         let tracks = Problem::tracks(recordings, model.motion, None);
-        let bench = Self::on(tracks, model)?;
+        let bench = Self::on(&tracks, model)?;
         let doubt = bench
             .problem
             .tracks
@@ -72,7 +72,7 @@ impl Workbench {
         match bench.balance(model)? {
             Some(balance) if doubt > LEAST_DOUBT => {
                 let tracks = Problem::tracks(recordings, model.motion, Some(balance));
-                Self::on(tracks, model)
+                Self::on(&tracks, model)
             }
             _ => Ok(bench),
         }
@@ -111,9 +111,9 @@ impl Workbench {
         Ok(usable.then_some(balance))
     }
 
-    fn on(tracks: Vec<Track>, model: &Model) -> Result<Self> {
-        let dictionary = Dictionary::new(&tracks);
-        let mut problem = choose_width(&tracks, &dictionary, model)?;
+    fn on(tracks: &[Track], model: &Model) -> Result<Self> {
+        let dictionary = Dictionary::new(tracks);
+        let mut problem = choose_width(tracks, &dictionary, model)?;
         let train = problem.count(Part::Train);
         if train < FEWEST_ROWS {
             return Err(Error::NotIdentifiable(format!(
