@@ -5,9 +5,19 @@
 //! resolves the set from the other forces, so that an axis below its break-away level stays at rest.
 
 mod coulomb_viscous;
+mod dahl;
+mod dynamic;
+mod lugre;
+mod modified_lugre;
+mod sticking;
 mod stribeck;
 
 pub use coulomb_viscous::CoulombViscous;
+pub use dahl::Dahl;
+pub use dynamic::{Dynamic, Step};
+pub use lugre::LuGre;
+pub use modified_lugre::ModifiedLuGre;
+pub use sticking::Static;
 pub use stribeck::{Curve, Stribeck};
 
 use crate::Scalar;
