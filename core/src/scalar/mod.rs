@@ -47,6 +47,18 @@ pub trait Scalar:
     #[must_use]
     fn relax(self) -> (Self, Self);
 
+    /// `√(a² + b²)` without overflow of the squares.
+    #[must_use]
+    fn hypot(self, other: Self) -> Self {
+        let (a, b) = (self.abs(), other.abs());
+        let (large, small) = if a > b { (a, b) } else { (b, a) };
+        if large == Self::ZERO {
+            return Self::ZERO;
+        }
+        let ratio = small / large;
+        large * (Self::ONE + ratio * ratio).sqrt()
+    }
+
     /// The absolute value.
     #[must_use]
     fn abs(self) -> Self {
