@@ -12,6 +12,7 @@ use super::Scalar;
 /// every operation errs by at most 2⁻¹⁷ until it saturates. A law in this type wants units in which its numbers
 /// lie around 1: see [`Units`](crate::friction::Units).
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
+#[repr(transparent)]
 pub struct Q16(i32);
 
 /// Fractional bits.
@@ -85,19 +86,43 @@ impl Div for Q16 {
     #[inline]
     fn div(self, other: Self) -> Self {
         let negative = (self.0 ^ other.0) < 0;
-        let divisor = other.0.unsigned_abs();
-        let magnitude = match divisor {
-            0 if self.0 == 0 => return Self(0),
-            0 => return if self.0 < 0 { Self::MIN } else { Self::MAX },
-            _ => {
-                let dividend = u64::from(self.0.unsigned_abs()) << FRACTION;
-                (dividend + u64::from(divisor / 2)) / u64::from(divisor)
-            }
+        let magnitude = match (self.0.unsigned_abs(), other.0.unsigned_abs()) {
+            (0, _) => 0,
+            (_, 0) => 1 << 31,
+            (dividend, divisor) => divide(dividend, divisor),
         };
-        // At most 2⁴⁷, so the sign fits.
-        let magnitude = magnitude as i64;
-        Self::saturate(if negative { -magnitude } else { magnitude })
+        Self(if negative {
+            // 2³¹ is its own negative here, which is the smallest value.
+            (magnitude as i32).wrapping_neg()
+        } else {
+            magnitude.min(i32::MAX as u32) as i32
+        })
     }
+}
+
+/// `dividend·2¹⁶/divisor` to nearest, at most 2³¹; the divisor is not zero.
+///
+/// Schoolbook division in base 2¹⁶ (Knuth, algorithm D): the fractional digit is first guessed from the leading half of
+/// the divisor and then too large by 2 at most. Two short divisions, which Cortex-M has in hardware, take the place
+/// of a long one, which is a library call there.
+#[inline]
+fn divide(dividend: u32, divisor: u32) -> u32 {
+    let whole = dividend / divisor;
+    if whole >= 1 << 15 {
+        return 1 << 31;
+    }
+    let shift = divisor.leading_zeros();
+    let rest = (dividend % divisor) << shift;
+    let divisor = divisor << shift;
+    // The leading bit is set already; saying so spares the check for zero.
+    let (high, low) = ((divisor >> 16) | 1 << 15, divisor & 0xFFFF);
+    let (mut digit, mut left) = (rest / high, rest % high);
+    while left >> 16 == 0 && (digit >> 16 != 0 || digit * low > left << 16) {
+        digit -= 1;
+        left += high;
+    }
+    let remainder = (rest << 16).wrapping_sub(digit.wrapping_mul(divisor));
+    (whole << 16) + digit + u32::from(remainder >= divisor - remainder)
 }
 
 impl AddAssign for Q16 {
