@@ -6,9 +6,16 @@ use bristle_core::friction::{CoulombViscous, Friction};
 
 use crate::effects::{Effect, Inner, Point};
 use crate::error::{Error, Result};
-use crate::model::Model;
+use crate::model::{Model, Term};
 use crate::motion::Motion;
 use crate::system;
+
+/// What resists motion at one place: a friction law and the effects beside it.
+pub struct Contact {
+    law: CoulombViscous<f64>,
+    terms: Vec<(&'static dyn Effect, Inner, Vec<f64>)>,
+    motion: Motion,
+}
 
 /// A model with numbers: `J·v̇ = k·u − F(q, v)`.
 pub struct Axis {
@@ -18,28 +25,23 @@ pub struct Axis {
     pub gain: f64,
     /// How much later than recorded the input acts, s.
     pub delay: f64,
-    law: CoulombViscous<f64>,
-    terms: Vec<(&'static dyn Effect, Inner, Vec<f64>)>,
-    motion: Motion,
+    /// `F`.
+    pub contact: Contact,
 }
 
 /// Room for the basis of any effect.
 const WIDEST: usize = 4;
 
-impl Axis {
-    /// Takes the numbers out of a model; a message names the first one missing.
-    pub fn new(model: &Model) -> Result<Self> {
-        if let Some(missing) = model.first_unknown() {
-            return Err(Error::Usage(format!(
-                "the model has no value for {missing}; run bristle identify first, or write a number"
-            )));
-        }
+impl Contact {
+    /// The friction law and the effects of a model in which every value is known.
+    pub fn new(model: &Model) -> Self {
         let value = |p: &crate::model::Parameter| p.value.unwrap_or(0.0);
         let coulomb = value(&model.coulomb);
-        Ok(Self {
-            inertia: value(&model.inertia),
-            gain: value(&model.gain),
-            delay: system::delay(model),
+        let numbers = |t: &Term| {
+            let (inner, coefficients) = t.effect.linear(&system::values(t), coulomb);
+            (t.effect, inner, coefficients)
+        };
+        Self {
             law: CoulombViscous {
                 coulomb,
                 viscous: value(&model.viscous),
@@ -48,13 +50,10 @@ impl Axis {
                 .terms
                 .iter()
                 .filter(|t| t.effect.width() > 0)
-                .map(|t| {
-                    let (inner, coefficients) = t.effect.linear(&system::values(t), coulomb);
-                    (t.effect, inner, coefficients)
-                })
+                .map(numbers)
                 .collect(),
             motion: model.motion,
-        })
+        }
     }
 
     /// Everything that resists motion at `q`, `v` while sliding in direction `s`, in N·m or N.
@@ -83,9 +82,26 @@ impl Axis {
         }
         sum
     }
+}
 
-    /// Acceleration while sliding in direction `s` under the drive `u`.
-    pub fn acceleration(&self, u: f64, q: f64, v: f64, s: f64) -> f64 {
-        (self.gain * u - self.resistance(q, v, s)) / self.inertia
+impl Axis {
+    /// Takes the numbers out of a model; a message names the first one missing.
+    pub fn new(model: &Model) -> Result<Self> {
+        if let Some(missing) = model.first_unknown() {
+            return Err(Error::Usage(format!(
+                "the model has no value for {missing}; run bristle identify first, or write a number"
+            )));
+        }
+        Ok(Self {
+            inertia: model.inertia.value.unwrap_or_default(),
+            gain: model.gain.value.unwrap_or_default(),
+            delay: system::delay(model),
+            contact: Contact::new(model),
+        })
+    }
+
+    /// Everything that resists motion at `q`, `v` while sliding in direction `s`, in N·m or N.
+    pub fn resistance(&self, q: f64, v: f64, s: f64) -> f64 {
+        self.contact.resistance(q, v, s)
     }
 }

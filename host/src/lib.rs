@@ -2,7 +2,7 @@
 //!
 //! Data goes one way. A module uses only those before it in this order, which `tests/structure.rs` checks:
 //!
-//! format → motion → error → effects → model → recording → weak → problem → noise → linear → system → dictionary → axis → simulate → fit → identify → diagnose → report → cli
+//! format → motion → error → effects → model → recording → weak → problem → noise → linear → system → dictionary → axis → step → simulate → fit → identify → diagnose → report → cli
 
 pub mod axis;
 pub mod cli;
@@ -21,5 +21,6 @@ pub mod problem;
 pub mod recording;
 pub mod report;
 pub mod simulate;
+pub mod step;
 pub mod system;
 pub mod weak;
