@@ -4,10 +4,26 @@
 //! of motion as `J·v̇ = k·u − F(v)`. At exactly `v = 0` a law of this kind is set-valued; [`Friction::reaction`]
 //! resolves the set from the other forces, so that an axis below its break-away level stays at rest.
 
+mod contacts;
 mod coulomb_viscous;
+mod dahl;
+mod dynamic;
+mod lugre;
+mod modified_lugre;
+mod planar;
+mod stick_slip;
+mod sticking;
 mod stribeck;
 
+pub use contacts::{Contacts, Reactions};
 pub use coulomb_viscous::CoulombViscous;
+pub use dahl::Dahl;
+pub use dynamic::{Dynamic, Step};
+pub use lugre::LuGre;
+pub use modified_lugre::ModifiedLuGre;
+pub use planar::Planar;
+pub use stick_slip::{Motion, time_to_rest};
+pub use sticking::Static;
 pub use stribeck::{Curve, Stribeck};
 
 use crate::Scalar;

@@ -58,7 +58,7 @@ impl<'a, S: Scalar> LeastSquares<'a, S> {
             }
             let diagonal = self.index(i, i);
             let a = self.factor[diagonal];
-            let radius = hypot(a, b);
+            let radius = a.hypot(b);
             let (cosine, sine) = (a / radius, b / radius);
             let tail = &mut self.factor[diagonal..diagonal + width - i];
             for (f, x) in tail.iter_mut().zip(&mut row[i..width]) {
@@ -144,17 +144,6 @@ impl<'a, S: Scalar> LeastSquares<'a, S> {
         let width = self.unknowns + 1;
         i * width - i * i.wrapping_sub(1) / 2 + j - i
     }
-}
-
-/// `√(a² + b²)` without overflow of the squares.
-fn hypot<S: Scalar>(a: S, b: S) -> S {
-    let (a, b) = (a.abs(), b.abs());
-    let (large, small) = if a > b { (a, b) } else { (b, a) };
-    if large == S::ZERO {
-        return S::ZERO;
-    }
-    let ratio = small / large;
-    large * (S::ONE + ratio * ratio).sqrt()
 }
 
 #[cfg(test)]

@@ -5,6 +5,8 @@
 //! forth inside a law. Transcendental functions come from `libm`, whose pure-Rust code gives the same bits
 //! on the host and on the target.
 
+mod float;
+
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
@@ -40,6 +42,23 @@ pub trait Scalar:
     #[must_use]
     fn exp(self) -> Self;
 
+    /// `(1 − e^(−x), (1 − e^(−x))/x)` for `x ≥ 0`: how far a first-order lag gets in `x` time constants, and the
+    /// mean of what is left to go meanwhile. Both keep their precision at `x → 0`, where they are `(x, 1)`.
+    #[must_use]
+    fn relax(self) -> (Self, Self);
+
+    /// `√(a² + b²)` without overflow of the squares.
+    #[must_use]
+    fn hypot(self, other: Self) -> Self {
+        let (a, b) = (self.abs(), other.abs());
+        let (large, small) = if a > b { (a, b) } else { (b, a) };
+        if large == Self::ZERO {
+            return Self::ZERO;
+        }
+        let ratio = small / large;
+        large * (Self::ONE + ratio * ratio).sqrt()
+    }
+
     /// The absolute value.
     #[must_use]
     fn abs(self) -> Self {
@@ -68,44 +87,6 @@ pub trait Scalar:
         } else {
             self
         }
-    }
-}
-
-impl Scalar for f64 {
-    const ZERO: Self = 0.0;
-    const ONE: Self = 1.0;
-    const EPSILON: Self = f64::EPSILON;
-
-    fn from_f64(value: f64) -> Self {
-        value
-    }
-    fn to_f64(self) -> f64 {
-        self
-    }
-    fn sqrt(self) -> Self {
-        if self > 0.0 { libm::sqrt(self) } else { 0.0 }
-    }
-    fn exp(self) -> Self {
-        libm::exp(self)
-    }
-}
-
-impl Scalar for f32 {
-    const ZERO: Self = 0.0;
-    const ONE: Self = 1.0;
-    const EPSILON: Self = f32::EPSILON;
-
-    fn from_f64(value: f64) -> Self {
-        value as f32
-    }
-    fn to_f64(self) -> f64 {
-        f64::from(self)
-    }
-    fn sqrt(self) -> Self {
-        if self > 0.0 { libm::sqrtf(self) } else { 0.0 }
-    }
-    fn exp(self) -> Self {
-        libm::expf(self)
     }
 }
 
