@@ -3,7 +3,7 @@
 use crate::axis::Axis;
 use crate::recording::Recording;
 pub use crate::step::State;
-use crate::step::{self, Drive, Mechanism};
+use crate::step::{self, Drive, Mechanism, Memory};
 
 /// Which sample's input acts, under a zero-order hold whose output comes `delay` seconds late.
 #[derive(Clone, Copy, Debug, Default)]
@@ -27,8 +27,8 @@ impl Hold {
         (t, u): (&[f64], &[f64]),
         k: usize,
         load: f64,
-        mut x: [f64; N],
-    ) -> [f64; N] {
+        mut state: Memory<N>,
+    ) -> Memory<N> {
         let delay = plant.delay();
         let mut now = t[k];
         while now < t[k + 1] {
@@ -43,10 +43,10 @@ impl Hold {
                 u: u[self.acting],
                 load,
             };
-            x = step::advance(plant, drive, x, until - now);
+            state = step::advance(plant, drive, state, until - now);
             now = until;
         }
-        x
+        state
     }
 }
 
@@ -60,19 +60,22 @@ pub fn run<const N: usize>(
 ) -> Vec<State> {
     let mut states = Vec::with_capacity(last - first + 1);
     states.push(from);
-    let mut x = plant.from_measured(from);
+    let mut state = Memory::at_ease(plant, from);
     let mut hold = Hold::at(&recording.t, first, plant.delay());
     for k in first..last {
-        x = hold.advance(plant, (&recording.t, &recording.u), k, 0.0, x);
-        states.push(plant.measured(&x));
+        state = hold.advance(plant, (&recording.t, &recording.u), k, 0.0, state);
+        states.push(plant.measured(&state.x));
     }
     states
 }
 
-/// Advances an axis by `h` seconds under a constant drive.
+/// Advances an axis whose law has no state by `h` seconds under a constant drive.
 pub fn advance(axis: &Axis, u: f64, state: State, h: f64) -> State {
-    let x = step::advance(axis, Drive { u, load: 0.0 }, [state.q, state.v], h);
-    State { q: x[0], v: x[1] }
+    let from = Memory {
+        x: [state.q, state.v],
+        z: 0.0,
+    };
+    axis.measured(&step::advance(axis, Drive { u, load: 0.0 }, from, h).x)
 }
 
 #[cfg(test)]

@@ -1,9 +1,14 @@
 //! Time steps of mechanisms with friction: the one integrator behind every plant.
 //!
 //! A mechanism has one place of contact, where a friction law acts. Laws without state are integrated by classical
-//! Runge-Kutta steps that are cut at the exact instants where the contact sticks or lets go (`slide.rs`).
+//! Runge-Kutta steps that are cut at the exact instants where the contact sticks or lets go (`slide.rs`); laws with a
+//! bristle state by midpoint steps with the exact step of the bristles inside (`bristle.rs`).
 
+mod bristle;
 mod slide;
+
+use bristle_core::Scalar;
+use bristle_core::friction::Dynamic;
 
 use crate::axis::{Axis, Contact};
 
@@ -14,6 +19,27 @@ pub struct State {
     pub q: f64,
     /// Velocity, rad/s or m/s.
     pub v: f64,
+}
+
+/// All that a mechanism in motion remembers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Memory<const N: usize> {
+    /// State variables of the mechanism.
+    pub x: [f64; N],
+    /// Deflection of the bristles at the contact, rad or m; zero under a law that has none.
+    pub z: f64,
+}
+
+impl<const N: usize> Memory<N> {
+    /// A mechanism that an encoder sees so, all that it does not see being at ease: sliding bristles bent as steady
+    /// sliding bends them, resting ones straight.
+    pub fn at_ease(plant: &impl Mechanism<N>, state: State) -> Self {
+        let x = plant.placed(state);
+        let w = plant.sliding(&x).v;
+        let bent = |law: &dyn Dynamic<f64>| law.level(w) * w.sign() / law.stiffness();
+        let z = plant.contact().bristles().map_or(0.0, bent);
+        Self { x, z }
+    }
 }
 
 /// What acts on a mechanism during a step.
@@ -46,7 +72,7 @@ pub trait Mechanism<const N: usize> {
     /// What an encoder sees of the state.
     fn measured(&self, x: &[f64; N]) -> State;
     /// The state that an encoder would see so, all that it does not see being at ease.
-    fn from_measured(&self, state: State) -> [f64; N];
+    fn placed(&self, state: State) -> [f64; N];
     /// The fastest rate of what lies beyond the contact, 1/s.
     fn pace(&self) -> f64 {
         0.0
@@ -55,16 +81,24 @@ pub trait Mechanism<const N: usize> {
     fn current(&self, _x: &[f64; N]) -> Option<f64> {
         None
     }
+    /// Acceleration of what is measured that a lasting unit of `u` causes, friction and motion aside.
+    fn authority(&self) -> f64;
 }
 
-/// Advances a state by `h` seconds under a constant drive.
+/// Advances a mechanism by `h` seconds under a constant drive.
 pub fn advance<const N: usize>(
     plant: &impl Mechanism<N>,
     drive: Drive,
-    x: [f64; N],
+    from: Memory<N>,
     h: f64,
-) -> [f64; N] {
-    slide::advance(plant, drive, x, h)
+) -> Memory<N> {
+    match plant.contact().bristles() {
+        None => Memory {
+            x: slide::advance(plant, drive, from.x, h),
+            z: 0.0,
+        },
+        Some(law) => bristle::advance(plant, law, drive, from, h),
+    }
 }
 
 /// `x + h·slope`.
@@ -97,7 +131,10 @@ impl Mechanism<2> for Axis {
     fn measured(&self, x: &[f64; 2]) -> State {
         self.sliding(x)
     }
-    fn from_measured(&self, state: State) -> [f64; 2] {
+    fn placed(&self, state: State) -> [f64; 2] {
         [state.q, state.v]
+    }
+    fn authority(&self) -> f64 {
+        self.gain / self.inertia
     }
 }
