@@ -48,7 +48,9 @@ pub trait Dynamic<S: Scalar> {
     /// `z + v·dt` without cancellation; for large `x` it is `z_ss`. Explicit Euler would diverge from `x > 2`.
     /// Being between `z` and `z_ss`, the result never leaves `|z| ≤ max ẑ` once inside.
     fn advance(&self, deflection: S, velocity: S, dt: S) -> S {
-        Frozen::new(self, velocity, dt).deflection(deflection)
+        let saturation = self.level(velocity) / self.stiffness();
+        let (relaxed, _) = (velocity.abs() * dt / saturation).relax();
+        deflection + (saturation * velocity.sign() - deflection) * relaxed
     }
 
     /// The rate `ż` of the deflection, in rad/s or m/s.
@@ -77,14 +79,18 @@ pub trait Dynamic<S: Scalar> {
 
     /// [`Dynamic::advance`] and [`Dynamic::mean_force`] at the cost of one evaluation.
     fn step(&self, deflection: S, velocity: S, dt: S) -> Step<S> {
-        let frozen = Frozen::new(self, velocity, dt);
-        // Deflection and rate decay to their steady values alike, so the mean force is as far from the steady
-        // force as the mean of the decay, (1 − e^(−x))/x, leaves of the force at the start.
-        let steady = self.steady(velocity);
-        let start = self.force(deflection, velocity);
+        let (speed, sign) = (velocity.abs(), velocity.sign());
+        let level = self.level(velocity);
+        let (saturation, inverse) = (level / self.stiffness(), self.stiffness() / level);
+        let (relaxed, mean) = (speed * dt * inverse).relax();
+        // Deflection and rate approach their steady values alike, so the mean force is as far from the steady
+        // force as the mean of what is left of the way, (1 − e^(−x))/x, leaves of the force at the start.
+        let rate = velocity - speed * (deflection * inverse);
+        let start = self.stiffness() * deflection + self.damping() * rate;
+        let steady = level * sign;
         Step {
-            deflection: frozen.deflection(deflection),
-            force: steady + (start - steady) * frozen.mean,
+            deflection: deflection + (saturation * sign - deflection) * relaxed,
+            force: steady + (start - steady) * mean + self.viscosity() * velocity,
         }
     }
 }
@@ -96,27 +102,4 @@ pub struct Step<S> {
     pub deflection: S,
     /// The mean friction over the step, in N·m or N: multiplied by `dt` it is the impulse.
     pub force: S,
-}
-
-/// A law over a step of constant velocity, where it is linear in `z`.
-struct Frozen<S> {
-    steady: S,
-    relaxed: S,
-    mean: S,
-}
-
-impl<S: Scalar> Frozen<S> {
-    fn new<L: Dynamic<S> + ?Sized>(law: &L, velocity: S, dt: S) -> Self {
-        let saturation = law.level(velocity) / law.stiffness();
-        let (relaxed, mean) = (velocity.abs() * dt / saturation).relax();
-        Self {
-            steady: saturation * velocity.sign(),
-            relaxed,
-            mean,
-        }
-    }
-
-    fn deflection(&self, start: S) -> S {
-        start + (self.steady - start) * self.relaxed
-    }
 }

@@ -14,6 +14,7 @@ mod planar;
 mod stick_slip;
 mod sticking;
 mod stribeck;
+mod units;
 
 pub use contacts::{Contacts, Reactions};
 pub use coulomb_viscous::CoulombViscous;
@@ -25,6 +26,7 @@ pub use planar::Planar;
 pub use stick_slip::{Motion, time_to_rest};
 pub use sticking::Static;
 pub use stribeck::{Curve, Stribeck};
+pub use units::{OutOfRange, Units};
 
 use crate::Scalar;
 

@@ -33,7 +33,7 @@ pub struct Static<S> {
 impl<S: Scalar> Friction<S> for Static<S> {
     fn sliding(&self, velocity: S) -> S {
         let speed = velocity.abs();
-        let decay = (-(speed / self.stribeck_velocity)).exp();
+        let decay = S::ONE - (speed / self.stribeck_velocity).relax().0;
         let level = self.coulomb + (self.static_level - self.coulomb) * decay;
         level * velocity.sign() + self.viscous * velocity
     }

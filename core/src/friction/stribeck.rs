@@ -17,7 +17,7 @@ impl Curve {
     /// The decay at velocity ratio `x = v/vs`: 1 at rest, 0 at high speed.
     pub fn decay<S: Scalar>(self, x: S) -> S {
         match self {
-            Self::Exponential => (-(x * x)).exp(),
+            Self::Exponential => S::ONE - (x * x).relax().0,
             Self::Rational => S::ONE / (S::ONE + x * x),
         }
     }

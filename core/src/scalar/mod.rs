@@ -5,7 +5,10 @@
 //! forth inside a law. Transcendental functions come from `libm`, whose pure-Rust code gives the same bits
 //! on the host and on the target.
 
+mod fixed;
 mod float;
+
+pub use fixed::Q16;
 
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
