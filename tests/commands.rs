@@ -486,7 +486,7 @@ fn models_that_cannot_be_simulated_are_refused() {
         ),
         (
             truth(&format!("motion = \"linear\"\n{motor}"), COULOMB),
-            "line 1: plant.kind = \"dc-motor\" turns",
+            "line 2: plant.kind = \"dc-motor\" turns",
         ),
         (truth(ROTARY, &jump), "effects.stribeck"),
         (truth(&inverse, COULOMB), "causality"),

@@ -69,7 +69,7 @@ pub fn record(
     let mut out = Record::default();
     for (k, &wanted) in signal.iter().enumerate() {
         let truth = plant.measured();
-        let noisy = truth.q + sensors.position_noise * normal(&mut rng);
+        let noisy = truth.q + normal(&mut rng, sensors.position_noise);
         let q = if sensors.count > 0.0 {
             (noisy / sensors.count).floor() * sensors.count
         } else {
@@ -89,7 +89,7 @@ pub fn record(
         out.current.extend(plant.current());
         out.truth.push(truth);
         if k + 1 < t.len() {
-            let load = sensors.load_noise * normal(&mut rng);
+            let load = normal(&mut rng, sensors.load_noise);
             plant.advance(&t, &out.u, k, load);
         }
     }
@@ -99,7 +99,11 @@ pub fn record(
     Record { t, ..out }
 }
 
-/// Sum of twelve uniform numbers: variance 1, close to normal.
-fn normal(rng: &mut ChaCha8Rng) -> f64 {
-    (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0
+/// Noise of this RMS: a sum of twelve uniform numbers, which is close to normal.
+fn normal(rng: &mut ChaCha8Rng, rms: f64) -> f64 {
+    if rms > 0.0 {
+        rms * ((0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0)
+    } else {
+        0.0
+    }
 }
