@@ -74,7 +74,9 @@ impl Model {
         } else {
             torque
         });
-        suits(kind, motion, input)?;
+        if let Some((key, what)) = kind.unsuited(motion, input) {
+            return Err(at(key, what));
+        }
         let causality = match word(plant, "plant", "causality", &["forward", "inverse"])? {
             Some("inverse") => Causality::Inverse,
             _ => Causality::Forward,
@@ -208,28 +210,6 @@ fn friction(section: Option<&dyn TableLike>) -> Checked<Friction> {
         });
     }
     Ok((law, get("coulomb")?, get("viscous")?, terms))
-}
-
-/// Refuses a plant on an axis or with an input that it cannot have.
-fn suits(kind: Kind, motion: Motion, input: &str) -> Checked<()> {
-    let fail =
-        |key: &str, what: &str| Err(at(key, format!("plant.kind = {:?} {what}", kind.as_str())));
-    if kind.is_electric() && motion != Motion::Rotary {
-        return fail("plant.motion", "turns; write motion = \"rotary\"");
-    }
-    if kind.is_electric() && input != "voltage" {
-        return fail(
-            "plant.input",
-            "is driven by the voltage at its terminals; write input = \"voltage\"",
-        );
-    }
-    if kind == Kind::WheelSlip && motion != Motion::Linear {
-        return fail(
-            "plant.motion",
-            "counts everything at the rim of the wheel, in m, N and kg; write motion = \"linear\"",
-        );
-    }
-    Ok(())
 }
 
 /// Constants of a section, those left out at their defaults.

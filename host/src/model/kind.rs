@@ -1,6 +1,6 @@
 //! Plants that a model file can choose, and the constants that plants and friction laws have beyond an axis's own.
 
-use super::{Law, Model, Parameter};
+use super::{Law, Model, Motion, Parameter};
 
 /// What `plant.kind` says.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -82,6 +82,22 @@ impl Kind {
     /// Whether the input is the voltage at a motor's terminals.
     pub fn is_electric(self) -> bool {
         matches!(self, Self::DcMotor | Self::GearedServo)
+    }
+
+    /// What a plant of this kind cannot have, if anything: the key and a message.
+    pub(super) fn unsuited(self, motion: Motion, input: &str) -> Option<(&'static str, String)> {
+        let (key, what) = if self.is_electric() && motion != Motion::Rotary {
+            ("plant.motion", "turns; write motion = \"rotary\"")
+        } else if self.is_electric() && input != "voltage" {
+            let what = "is driven by the voltage at its terminals; write input = \"voltage\"";
+            ("plant.input", what)
+        } else if self == Self::WheelSlip && motion != Motion::Linear {
+            let what = "counts everything at the rim of the wheel, in m, N and kg; write motion = \"linear\"";
+            ("plant.motion", what)
+        } else {
+            return None;
+        };
+        Some((key, format!("plant.kind = {:?} {what}", self.as_str())))
     }
 
     pub(super) fn constants(self) -> &'static [Spec] {
