@@ -410,6 +410,31 @@ fn every_plant_runs_under_every_law_and_signal() {
 }
 
 #[test]
+fn a_geared_servo_looks_like_the_axis_of_its_manual() {
+    // Behind its armature the servo is J = Jl + ηg·N²·Jm and Fv + ηg·ηm·N²·kt·ke/R, with the gain ηg·ηm·N·kt/R: the
+    // manual's 2.08e-3 kg·m², 0.084 N·m·s/rad and 0.129 N·m/V.
+    let folder = Folder::new();
+    folder.write("srv02.toml", include_str!("../host/examples/srv02.toml"));
+    let axis = BASELINE
+        .replace("\"torque\"", "\"voltage\"")
+        .replace("1.0", "0.128409");
+    folder.write("axis.toml", axis);
+    folder.done("simulate --model srv02.toml --excite multisine --amplitude 5 --band 0.1:5 --counts 4096 --noise 0.001 --out run.csv");
+    folder.done("diagnose run.csv --model axis.toml --json out.json");
+    let json = folder.json("out.json");
+    assert_eq!(text(&json, "verdict"), "adequate");
+    for (name, truth) in [
+        ("inertia", 2.086e-3),
+        ("coulomb", 0.02),
+        ("viscous", 0.08403),
+    ] {
+        let value = number(&json, &format!("baseline.parameters.{name}.value"));
+        let se = number(&json, &format!("baseline.parameters.{name}.se"));
+        assert!((value - truth).abs() < 4.0 * se, "{name}: {value} ± {se}");
+    }
+}
+
+#[test]
 fn a_motor_records_its_current_under_the_names_of_the_model() {
     let folder = Folder::new();
     let motor = format!(

@@ -52,12 +52,12 @@ fn rate<S: Scalar>(mut step: impl FnMut(S, S) -> (S, S)) -> f64 {
     (VELOCITIES * PASSES) as f64 / best / 1e6
 }
 
-fn without_state<S: Scalar>(law: impl Friction<S>) -> f64 {
+fn without_state<S: Scalar>(law: &impl Friction<S>) -> f64 {
     let active = S::from_f64(0.4);
     rate(|_, velocity| (S::ZERO, law.reaction(velocity, active)))
 }
 
-fn with_bristles<S: Scalar>(law: impl Dynamic<S>) -> f64 {
+fn with_bristles<S: Scalar>(law: &impl Dynamic<S>) -> f64 {
     rate(|deflection, velocity| {
         let step = law.step(deflection, velocity, S::ONE);
         (step.deflection, step.force)
@@ -77,21 +77,21 @@ fn rates<S: Scalar>() -> [f64; 7] {
         curve,
     };
     [
-        without_state(black_box(CoulombViscous { coulomb, viscous })),
-        without_state(black_box(stribeck(Curve::Exponential))),
-        without_state(black_box(stribeck(Curve::Rational))),
-        without_state(black_box(Static {
+        without_state(&black_box(CoulombViscous { coulomb, viscous })),
+        without_state(&black_box(stribeck(Curve::Exponential))),
+        without_state(&black_box(stribeck(Curve::Rational))),
+        without_state(&black_box(Static {
             coulomb,
             viscous,
             static_level,
             stribeck_velocity,
         })),
-        with_bristles(black_box(Dahl {
+        with_bristles(&black_box(Dahl {
             coulomb,
             viscous,
             bristle_stiffness,
         })),
-        with_bristles(black_box(LuGre {
+        with_bristles(&black_box(LuGre {
             coulomb,
             viscous,
             static_level,
@@ -99,7 +99,7 @@ fn rates<S: Scalar>() -> [f64; 7] {
             bristle_stiffness,
             bristle_damping,
         })),
-        with_bristles(black_box(ModifiedLuGre {
+        with_bristles(&black_box(ModifiedLuGre {
             coulomb,
             viscous,
             static_level,

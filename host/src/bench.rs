@@ -107,3 +107,78 @@ fn normal(rng: &mut ChaCha8Rng, rms: f64) -> f64 {
         0.0
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{Control, Record, Sensors, record};
+    use crate::model::Model;
+    use crate::plant;
+
+    const HERTZ: f64 = 1000.0;
+
+    fn run(signal: &[f64], control: Option<Control>, sensors: Sensors) -> Record {
+        let text = "[plant]\nmotion = \"rotary\"\ninertia = 0.01\n[friction]\ncoulomb = 0.1\nviscous = 0.02\n";
+        let mut plant = plant::new(&Model::parse(text).unwrap()).unwrap();
+        let t = (0..signal.len()).map(|k| k as f64 / HERTZ).collect();
+        record(plant.as_mut(), t, signal, control, sensors)
+    }
+
+    fn rms(x: impl Iterator<Item = f64> + Clone) -> f64 {
+        (x.clone().map(|x| x * x).sum::<f64>() / x.count() as f64).sqrt()
+    }
+
+    #[test]
+    fn an_encoder_shows_whole_counts_below_the_truth() {
+        let count = 1e-3;
+        let sensors = Sensors {
+            count,
+            ..Sensors::default()
+        };
+        let made = run(&[0.3; 500], None, sensors);
+        for (q, truth) in made.q.iter().zip(&made.truth) {
+            let steps = q / count;
+            assert!((steps - steps.round()).abs() < 1e-6, "{q}");
+            assert!((0.0..count * (1.0 + 1e-9)).contains(&(truth.q - q)));
+        }
+        assert!(made.current.is_empty() && made.set_point.is_empty());
+    }
+
+    #[test]
+    fn noise_has_the_size_asked_for() {
+        let sensors = Sensors {
+            position_noise: 2e-3,
+            seed: 5,
+            ..Sensors::default()
+        };
+        let made = run(&vec![0.0; 20_000], None, sensors);
+        // The RMS of n normal numbers is off by 1/√(2n) = 0.5 %.
+        assert!((rms(made.q.iter().copied()) / 2e-3 - 1.0).abs() < 0.02);
+        assert!(made.truth.iter().all(|s| s.q == 0.0 && s.v == 0.0));
+        // A load below break-away moves nothing; one above does, and shows in no recorded input.
+        let load = |load_noise| {
+            run(
+                &[0.0; 500],
+                None,
+                Sensors {
+                    load_noise,
+                    ..sensors
+                },
+            )
+        };
+        assert!(load(0.01).truth.iter().all(|s| s.v == 0.0));
+        assert!(
+            load(0.5).truth.iter().any(|s| s.v != 0.0) && load(0.5).u.iter().all(|&u| u == 0.0)
+        );
+    }
+
+    #[test]
+    fn the_controller_follows_its_set_point() {
+        // Critically damped at 10 Hz: a constant set point is approached up to what Coulomb friction holds off, Fc/Kp.
+        let control = Control::of_bandwidth(10.0, 1.0 / 0.01);
+        let made = run(&[0.5; 2000], Some(control), Sensors::default());
+        let end = made.truth[1999];
+        let off = control.proportional * (end.q - 0.5).abs();
+        assert!(end.v.abs() < 1e-9 && off < 0.1 * (1.0 + 1e-6), "{end:?}");
+        assert_eq!(made.set_point, [0.5; 2000]);
+    }
+}
