@@ -3,8 +3,8 @@
 //! Everything here is pure: no clock, no allocation, no I/O. Time arrives as an argument and storage is
 //! lent by the caller, so the code that a simulation tests is the code that the board runs.
 //!
-//! - [`scalar`]: the arithmetic a law needs, so that one source serves `f64`, `f32` and, later, fixed point.
-//! - [`friction`]: friction laws as functions of velocity.
+//! - [`scalar`]: the arithmetic a law needs, so that one source serves `f64`, `f32` and fixed point.
+//! - [`friction`]: friction laws with and without state, contacts of several dimensions, sticking and slipping.
 //! - [`link`]: the messages between the host and a board, and their framing.
 //! - [`weak`]: test functions, windowed functionals and least squares with covariance.
 //!

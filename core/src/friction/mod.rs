@@ -1,8 +1,22 @@
-//! Friction laws: the force that opposes motion, as a function of velocity.
+//! Friction laws: the force that opposes motion.
 //!
-//! Every law obeys one sign convention: `F(v)` is positive for positive `v`, so that it enters the equation
-//! of motion as `J·v̇ = k·u − F(v)`. At exactly `v = 0` a law of this kind is set-valued; [`Friction::reaction`]
-//! resolves the set from the other forces, so that an axis below its break-away level stays at rest.
+//! Every law obeys one sign convention: `F` is positive for positive `v`, so that it enters the equation of motion as
+//! `J·v̇ = k·u − F`.
+//!
+//! | law | friction | trait |
+//! | --- | --- | --- |
+//! | [`CoulombViscous`] | `Fc·sgn v + Fv·v` | [`Friction`] |
+//! | [`Stribeck`] | falls from `Fs` to `Fc`, as a Gaussian or rational | [`Friction`] |
+//! | [`Static`] | falls exponentially; sticks smoothly | [`Friction`] |
+//! | [`Dahl`] | bristles with the level `Fc` | [`Dynamic`] |
+//! | [`LuGre`] | bristles with the level of a Gaussian Stribeck curve | [`Dynamic`] |
+//! | [`ModifiedLuGre`] | bristles with the level of a rational one | [`Dynamic`] |
+//!
+//! Laws without state are functions of velocity. At exactly `v = 0` they are set-valued; [`Friction::reaction`] resolves
+//! the set from the other forces, so that an axis below its break-away level stays at rest. [`Planar`] makes a vector
+//! of them, [`Contacts`] puts several into one mechanism, and [`Motion`] moves an axis under one. Laws with
+//! bristles have a deflection as state, which [`Dynamic::step`] advances exactly. [`Units`] prepare a law
+//! for fixed point.
 
 mod contacts;
 mod coulomb_viscous;

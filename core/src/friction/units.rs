@@ -165,3 +165,89 @@ macro_rules! scaled_lugre {
 }
 
 scaled_lugre!(LuGre, ModifiedLuGre);
+
+#[cfg(test)]
+mod tests {
+    use super::{LuGre, OutOfRange, Units};
+    use crate::friction::Dynamic;
+    use crate::scalar::{Q16, Scalar};
+
+    const LAW: LuGre<f64> = LuGre {
+        coulomb: 0.2,
+        viscous: 0.01,
+        static_level: 0.3,
+        stribeck_velocity: 0.05,
+        bristle_stiffness: 1500.0,
+        bristle_damping: 0.6,
+    };
+
+    /// As the doc of [`Units`] recommends, at 10 kHz.
+    const UNITS: Units = Units {
+        force: 0.3,
+        position: 0.3 / 1500.0,
+        velocity: 0.3 / 1500.0 / 1e-4,
+    };
+
+    #[test]
+    fn a_scaled_law_is_the_same_law() {
+        let scaled: LuGre<f64> = LAW.scaled(&UNITS).unwrap();
+        let (z, v, dt) = (1.1e-4, -0.3, 2.5e-4);
+        let step = LAW.step(z, v, dt);
+        let found = scaled.step(z / UNITS.position, v / UNITS.velocity, dt / UNITS.time());
+        assert!(
+            (found.deflection * UNITS.position - step.deflection).abs() < 1e-15 * UNITS.position
+        );
+        assert!((found.force * UNITS.force - step.force).abs() < 1e-14);
+    }
+
+    #[test]
+    fn recommended_units_suit_fixed_point() {
+        let scaled: LuGre<Q16> = LAW.scaled(&UNITS).unwrap();
+        assert!((UNITS.time() - 1e-4).abs() < 1e-18);
+        assert!(scaled.static_level == Q16::ONE && scaled.bristle_stiffness == Q16::ONE);
+    }
+
+    #[test]
+    fn units_that_lose_a_parameter_are_refused_by_its_name() {
+        let refused = |units: Units| {
+            LAW.scaled::<Q16>(&units)
+                .map_err(|OutOfRange { parameter, .. }| parameter)
+        };
+        assert_eq!(
+            refused(Units {
+                force: 1e4,
+                ..UNITS
+            }),
+            Err("coulomb")
+        );
+        assert_eq!(
+            refused(Units {
+                force: 1e-7,
+                ..UNITS
+            }),
+            Err("coulomb")
+        );
+        assert_eq!(
+            refused(Units {
+                velocity: 1e5,
+                ..UNITS
+            }),
+            Err("stribeck_velocity")
+        );
+        assert_eq!(
+            refused(Units {
+                position: 10.0,
+                ..UNITS
+            }),
+            Err("coulomb / bristle_stiffness")
+        );
+        // In SI units the stiffness fits, but the deflections, 1e-4 rad, are a few units of the last place.
+        let si = Units {
+            force: 1.0,
+            position: 1.0,
+            velocity: 1.0,
+        };
+        assert_eq!(refused(si), Err("coulomb / bristle_stiffness"));
+        assert!(LAW.scaled::<f32>(&si).is_ok());
+    }
+}

@@ -68,7 +68,7 @@ impl Scalar for f32 {
     }
 }
 
-/// Entries of [`STEPS`].
+/// Entries of `STEPS`.
 const ENTRIES: usize = 32;
 
 /// `1 − 2^(−j/32)`, by the Taylor series of `−(e^(−x) − 1)`.
@@ -89,7 +89,7 @@ const STEPS: [f64; ENTRIES] = {
     steps
 };
 
-/// [`STEPS`] rounded.
+/// `STEPS` rounded.
 const STEPS_SINGLE: [f32; ENTRIES] = {
     let mut steps = [0.0; ENTRIES];
     let mut j = 0;
@@ -124,7 +124,7 @@ fn relaxed(x: f64) -> f64 {
     (1.0 - scale) + scale * (step - (1.0 - step) * bracket)
 }
 
-/// [`relaxed`] in single precision.
+/// `relaxed` in single precision.
 #[inline]
 fn relaxed_single(x: f32) -> f32 {
     const LN_2: [f32; 2] = [0.693_359_4 / 32.0, -2.121_944_4e-4 / 32.0];

@@ -1,9 +1,9 @@
 //! The arithmetic that the laws and estimators are written in.
 //!
-//! `f64` is the reference and `f32` is what a controller with a floating-point unit runs. The trait asks for
-//! nothing that a saturating fixed-point type could not give: no NaN, no infinity, no conversion back and
-//! forth inside a law. Transcendental functions come from `libm`, whose pure-Rust code gives the same bits
-//! on the host and on the target.
+//! `f64` is the reference, `f32` is what a controller with a floating-point unit runs, and [`Q16`] is for one without.
+//! The trait asks for nothing that a saturating fixed-point type could not give: no NaN, no infinity, no
+//! conversion back and forth inside a law. Transcendental functions are pure Rust, from `libm` or here, and give
+//! the same bits on the host and on the target. All rounding is in this folder; every function states its bound.
 
 mod fixed;
 mod float;
