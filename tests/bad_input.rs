@@ -329,7 +329,7 @@ fn model_files() {
     );
     bad_model("", &["[plant]", "missing"]);
     bad_model(
-        &good.replace("[friction]", "[friction]\nmodel = \"lugre\""),
+        &good.replace("[friction]", "[friction]\nmodel = \"lugree\""),
         &["line 5", "friction.model", "stribeck"],
     );
 }

@@ -322,6 +322,221 @@ fn simulate_runs_at_the_instants_of_the_recording() {
     assert!(error(&windows) < error(&whole));
 }
 
+/// A model file with a plant and a friction law.
+fn truth(plant: &str, friction: &str) -> String {
+    format!("[plant]\n{plant}\n[friction]\n{friction}\n")
+}
+
+const ROTARY: &str = "motion = \"rotary\"\ninertia = 0.012";
+const COULOMB: &str = "coulomb = 0.12\nviscous = 0.02";
+const LUGRE: &str = "model = \"lugre\"\ncoulomb = 0.12\nviscous = 0.02\nstatic = 0.2\nstribeck_velocity = 0.3\nbristle_stiffness = 300\nbristle_damping = 0.5";
+
+#[test]
+fn an_excited_axis_gives_a_recording_that_diagnose_reads() {
+    let folder = Folder::new();
+    folder.write("axis.toml", BASELINE);
+    folder.write("truth.toml", UNBALANCED);
+    let line = "simulate --model truth.toml --excite multisine --amplitude 1.5 --band 0.1:2 --control pd --rate 500 --counts 65536 --noise 0.01 --out run.csv";
+    folder.done(line);
+    let first = folder.read("run.csv");
+    assert!(
+        first.starts_with("t[s],u[N*m],q[rad],q_ref[rad]\n0.0,"),
+        "{}",
+        &first[..80]
+    );
+    assert_eq!(first.lines().count(), 1 + 20 * 500);
+    // The same seed gives the same bytes, another one another recording.
+    folder.done(line);
+    assert_eq!(first, folder.read("run.csv"));
+    folder.done(&format!("{line} --seed 2"));
+    assert_ne!(first, folder.read("run.csv"));
+    folder.done("diagnose run.csv --model axis.toml --json out.json");
+    let json = folder.json("out.json");
+    diagnosis(&json);
+    assert_eq!(text(&list(&json, "findings")[0], "id"), "gravity");
+}
+
+#[test]
+fn every_plant_runs_under_every_law_and_signal() {
+    let folder = Folder::new();
+    let motor = "resistance = 2.6\ninductance = 2e-3\ntorque_constant = 0.05";
+    let plants = [
+        ("0.6", ROTARY.to_owned()),
+        ("0.6", format!("kind = \"mass-spring\"\n{ROTARY}\nstiffness = 0.5")),
+        ("20", format!("kind = \"dc-motor\"\n{ROTARY}\n{motor}")),
+        ("8", format!("kind = \"geared-servo\"\n{ROTARY}\n{motor}\ngear_ratio = 10\nmotor_inertia = 1e-5")),
+        ("0.6", "kind = \"wheel-slip\"\nmotion = \"linear\"\ninertia = 0.012\nwheel_mass = 0.01\nvehicle_mass = 0.1\naxle_stiffness = 100".to_owned()),
+    ];
+    let stribeck =
+        format!("model = \"stribeck\"\n{COULOMB}\nstatic = 0.2\nstribeck_velocity = 0.3");
+    let laws = [
+        COULOMB.to_owned(),
+        stribeck.replace("stribeck\"", "static\""),
+        stribeck,
+        format!("model = \"dahl\"\n{COULOMB}\nbristle_stiffness = 300"),
+        LUGRE.to_owned(),
+        LUGRE.replace("lugre", "modified-lugre"),
+    ];
+    let shapes = ["chirp", "multisine", "ramp", "triangle", "steps", "hold"];
+    for (amplitude, plant) in &plants {
+        for (law, shape) in laws.iter().zip(shapes) {
+            folder.write("truth.toml", truth(plant, law));
+            folder.done(&format!(
+                "simulate --model truth.toml --excite {shape} --amplitude {amplitude} --duration 3 --out run.csv"
+            ));
+            folder.done("simulate --model truth.toml --input run.csv --out again.csv");
+            // The model along its own recording, from the same start, is the recording: every plant starts at rest.
+            let text = folder.read("run.csv");
+            let recorded = text.lines().skip(1).map(|line| {
+                let cells = line
+                    .split(',')
+                    .map(|cell| cell.parse::<f64>().expect("a number"));
+                cells.collect::<Vec<f64>>()
+            });
+            let again = prediction(&folder.read("again.csv"));
+            let travel = again.iter().fold(1e-9_f64, |m, row| m.max(row[2].abs()));
+            for (recorded, again) in recorded.zip(&again) {
+                assert!(
+                    (recorded[2] - again[2]).abs() < 0.02 * travel,
+                    "{plant}\n{law}\n{recorded:?} {again:?}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn a_geared_servo_looks_like_the_axis_of_its_manual() {
+    // Behind its armature the servo is J = Jl + ηg·N²·Jm and Fv + ηg·ηm·N²·kt·ke/R, with the gain ηg·ηm·N·kt/R: the
+    // manual's 2.08e-3 kg·m², 0.084 N·m·s/rad and 0.129 N·m/V.
+    let folder = Folder::new();
+    folder.write("srv02.toml", include_str!("../host/examples/srv02.toml"));
+    let axis = BASELINE
+        .replace("\"torque\"", "\"voltage\"")
+        .replace("1.0", "0.128409");
+    folder.write("axis.toml", axis);
+    folder.done("simulate --model srv02.toml --excite multisine --amplitude 5 --band 0.1:5 --counts 4096 --noise 0.001 --out run.csv");
+    folder.done("diagnose run.csv --model axis.toml --json out.json");
+    let json = folder.json("out.json");
+    assert_eq!(text(&json, "verdict"), "adequate");
+    for (name, truth) in [
+        ("inertia", 2.086e-3),
+        ("coulomb", 0.02),
+        ("viscous", 0.08403),
+    ] {
+        let value = number(&json, &format!("baseline.parameters.{name}.value"));
+        let se = number(&json, &format!("baseline.parameters.{name}.se"));
+        assert!((value - truth).abs() < 4.0 * se, "{name}: {value} ± {se}");
+    }
+}
+
+#[test]
+fn a_motor_records_its_current_under_the_names_of_the_model() {
+    let folder = Folder::new();
+    let motor = format!(
+        "kind = \"dc-motor\"\n{ROTARY}\nresistance = 2.6\ninductance = 2e-3\ntorque_constant = 0.05"
+    );
+    folder.write(
+        "truth.toml",
+        truth(&motor, &format!("{COULOMB}\n[columns]\nu = \"volts\"")),
+    );
+    folder.done(
+        "simulate --model truth.toml --excite chirp --amplitude 20 --duration 2 --out run.csv",
+    );
+    assert!(
+        folder
+            .read("run.csv")
+            .starts_with("t[s],volts[V],q[rad],i[A]\n")
+    );
+    folder.done("simulate --model truth.toml --input run.csv --out again.csv");
+}
+
+/// Runs command lines that must be refused, each with a word in the message, and without an output.
+fn refused(folder: &Folder, lines: &[(&str, &str)]) {
+    for (line, said) in lines {
+        let ran = folder.run(line);
+        assert_eq!(ran.status, 2, "{line}: {ran:?}");
+        assert!(ran.stderr.contains(said), "{line}: {}", ran.stderr);
+        assert!(!folder.path("out.csv").exists(), "{line}");
+    }
+}
+
+#[test]
+fn options_that_do_not_go_together_are_refused() {
+    let folder = Folder::with(PLAIN, SECONDS);
+    folder.write("plain.toml", PLAIN);
+    let both = "cannot be used with";
+    let lines = [
+        ("", "--excite"),
+        ("--input run.csv --excite chirp --amplitude 1", both),
+        ("--horizon 1 --excite chirp --amplitude 1", both),
+        ("--input run.csv --amplitude 1", both),
+        ("--excite chirp", "--amplitude"),
+        ("--excite chirp --amplitude 1 --bandwidth 3", "--control"),
+        (
+            "--excite chirp --amplitude 1 --band 5:1",
+            "the lower one first",
+        ),
+        ("--excite chirp --amplitude 1 --band 1:600", "--rate 1000"),
+        ("--excite chirp --amplitude 1 --duration 0.1", "100 samples"),
+        ("--excite chirp --amplitude 1 --counts 0", "--counts 0"),
+        ("--excite chirp --amplitude 1 --noise=-1", "--noise"),
+        ("--excite hold --amplitude 0", "drives nothing"),
+    ];
+    for (options, said) in lines {
+        let line = format!("simulate --model plain.toml --out out.csv {options}");
+        refused(&folder, &[(&line, said)]);
+    }
+}
+
+#[test]
+fn models_that_cannot_be_simulated_are_refused() {
+    let folder = Folder::with(PLAIN, SECONDS);
+    let motor = "kind = \"dc-motor\"\ninertia = 1\nresistance = 2.6\ninductance = 1e-3";
+    let jump = format!("{LUGRE}\n[effects.stribeck]\nstatic = 0.3\nstribeck_velocity = 0.1");
+    let inverse = format!("{ROTARY}\ncausality = \"inverse\"");
+    for (text, said) in [
+        (BASELINE.to_owned(), "no value for plant.inertia"),
+        (
+            truth(ROTARY, &LUGRE.replace("bristle_damping = 0.5", "")),
+            "no value for friction.bristle_damping",
+        ),
+        (
+            truth(&format!("motion = \"rotary\"\n{motor}"), COULOMB),
+            "no value for plant.torque_constant",
+        ),
+        (
+            truth(&format!("motion = \"linear\"\n{motor}"), COULOMB),
+            "line 2: plant.kind = \"dc-motor\" turns",
+        ),
+        (truth(ROTARY, &jump), "effects.stribeck"),
+        (truth(&inverse, COULOMB), "causality"),
+    ] {
+        folder.write("truth.toml", text);
+        refused(
+            &folder,
+            &[(
+                "simulate --model truth.toml --excite chirp --amplitude 1 --out out.csv",
+                said,
+            )],
+        );
+    }
+    folder.write("lugre.toml", truth(ROTARY, LUGRE));
+    refused(
+        &folder,
+        &[
+            (
+                "identify run.csv --model lugre.toml --model-out out.csv",
+                "line 5: friction.model",
+            ),
+            (
+                "diagnose run.csv --model lugre.toml --model-out out.csv",
+                "does not fit yet",
+            ),
+        ],
+    );
+}
+
 #[test]
 fn an_imposed_motion_gives_the_force() {
     let folder = Folder::with(PLAIN, SECONDS);
@@ -401,7 +616,27 @@ fn help_names_every_option() {
     for (verb, options) in [
         ("identify", [common.as_slice(), &[]].concat()),
         ("diagnose", [common.as_slice(), &["--check"]].concat()),
-        ("simulate", vec!["--model", "--input", "--out", "--horizon"]),
+        (
+            "simulate",
+            vec![
+                "--model",
+                "--input",
+                "--out",
+                "--horizon",
+                "--excite",
+                "--amplitude",
+                "--band",
+                "--duration",
+                "--rate",
+                "--seed",
+                "--control",
+                "--counts",
+                "--noise",
+                "--sensor-noise",
+                "wheel-slip",
+                "modified-lugre",
+            ],
+        ),
         ("explain", vec!["ID"]),
         ("demo", vec!["--out"]),
     ] {

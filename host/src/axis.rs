@@ -2,13 +2,21 @@
 
 use std::cmp::Ordering;
 
-use bristle_core::friction::{CoulombViscous, Friction};
+use bristle_core::friction::{CoulombViscous, Dahl, Dynamic, Friction, LuGre, ModifiedLuGre};
 
 use crate::effects::{Effect, Inner, Point};
 use crate::error::{Error, Result};
-use crate::model::Model;
+use crate::model::{Law, Model, Parameter, Term};
 use crate::motion::Motion;
 use crate::system;
+
+/// What resists motion at one place: a friction law and the effects beside it.
+pub struct Contact {
+    law: CoulombViscous<f64>,
+    bristles: Option<Bristles>,
+    terms: Vec<(&'static dyn Effect, Inner, Vec<f64>)>,
+    motion: Motion,
+}
 
 /// A model with numbers: `J·v̇ = k·u − F(q, v)`.
 pub struct Axis {
@@ -18,46 +26,88 @@ pub struct Axis {
     pub gain: f64,
     /// How much later than recorded the input acts, s.
     pub delay: f64,
-    law: CoulombViscous<f64>,
-    terms: Vec<(&'static dyn Effect, Inner, Vec<f64>)>,
-    motion: Motion,
+    /// `F`.
+    pub contact: Contact,
 }
+
+/// A friction law with a bristle state.
+type Bristles = Box<dyn Dynamic<f64> + Send + Sync>;
 
 /// Room for the basis of any effect.
 const WIDEST: usize = 4;
 
-impl Axis {
-    /// Takes the numbers out of a model; a message names the first one missing.
+impl Contact {
+    /// The friction law and the effects of a model in which every value is known.
+    ///
+    /// Fails if an effect jumps where velocity changes sign and the law is one of bristles, whose force cannot jump.
     pub fn new(model: &Model) -> Result<Self> {
-        if let Some(missing) = model.first_unknown() {
-            return Err(Error::Usage(format!(
-                "the model has no value for {missing}; run bristle identify first, or write a number"
-            )));
+        let contact = Self::law(model).with_effects(model);
+        match contact.jumping() {
+            Some(effect) if contact.bristles.is_some() => Err(Error::Usage(format!(
+                "[effects.{}] jumps where velocity changes sign, which friction.model = {:?} with its bristles cannot hold; leave the effect out, or use the law \"stribeck\" or \"coulomb-viscous\"",
+                effect.id(),
+                model.law.as_str()
+            ))),
+            _ => Ok(contact),
         }
-        let value = |p: &crate::model::Parameter| p.value.unwrap_or(0.0);
-        let coulomb = value(&model.coulomb);
-        Ok(Self {
-            inertia: value(&model.inertia),
-            gain: value(&model.gain),
-            delay: system::delay(model),
-            law: CoulombViscous {
-                coulomb,
-                viscous: value(&model.viscous),
-            },
-            terms: model
-                .terms
-                .iter()
-                .filter(|t| t.effect.width() > 0)
-                .map(|t| {
-                    let (inner, coefficients) = t.effect.linear(&system::values(t), coulomb);
-                    (t.effect, inner, coefficients)
-                })
-                .collect(),
-            motion: model.motion,
-        })
     }
 
-    /// Everything that resists motion at `q`, `v` while sliding in direction `s`, in N·m or N.
+    /// The friction law of a model alone.
+    pub fn law(model: &Model) -> Self {
+        let value = |p: &Parameter| p.value.unwrap_or(0.0);
+        let law = CoulombViscous {
+            coulomb: value(&model.coulomb),
+            viscous: value(&model.viscous),
+        };
+        let bristles = bristles(model, law);
+        Self {
+            law: if bristles.is_some() { NONE } else { law },
+            bristles,
+            terms: numbers(model, |term| term.in_law),
+            motion: model.motion,
+        }
+    }
+
+    /// The effects of a model alone.
+    pub fn effects(model: &Model) -> Self {
+        let none = Self {
+            law: NONE,
+            bristles: None,
+            terms: Vec::new(),
+            motion: model.motion,
+        };
+        none.with_effects(model)
+    }
+
+    fn with_effects(mut self, model: &Model) -> Self {
+        self.terms.extend(numbers(model, |term| !term.in_law));
+        self
+    }
+
+    /// One more effect, in its own linear form.
+    pub fn push(&mut self, effect: &'static dyn Effect, inner: Inner, coefficients: Vec<f64>) {
+        self.terms.push((effect, inner, coefficients));
+    }
+
+    /// An effect whose torque jumps where velocity changes sign, if there is one.
+    pub fn jumping(&self) -> Option<&'static dyn Effect> {
+        let jumps = |(effect, inner, _): &&(&'static dyn Effect, Inner, Vec<f64>)| {
+            let at = |s: f64| {
+                let mut basis = [0.0; WIDEST];
+                effect.basis(*inner, Point::new(self.motion, 0.0, 0.0, s), &mut basis);
+                basis
+            };
+            at(1.0) != at(-1.0)
+        };
+        self.terms.iter().find(jumps).map(|(effect, ..)| *effect)
+    }
+
+    /// The law, if it is one with a bristle state.
+    pub fn bristles(&self) -> Option<&dyn Dynamic<f64>> {
+        self.bristles.as_ref().map(|law| law.as_ref() as _)
+    }
+
+    /// Everything that resists motion at `q`, `v` while sliding in direction `s`, in N·m or N, but for bristles.
     pub fn resistance(&self, q: f64, v: f64, s: f64) -> f64 {
         // The branch of direction s goes on smoothly past v = 0, by reflection at the level it starts from: an
         // integration step may look a little way beyond the standstill that it will be cut at.
@@ -83,9 +133,97 @@ impl Axis {
         }
         sum
     }
+}
 
-    /// Acceleration while sliding in direction `s` under the drive `u`.
-    pub fn acceleration(&self, u: f64, q: f64, v: f64, s: f64) -> f64 {
-        (self.gain * u - self.resistance(q, v, s)) / self.inertia
+/// No friction.
+const NONE: CoulombViscous<f64> = CoulombViscous {
+    coulomb: 0.0,
+    viscous: 0.0,
+};
+
+/// The law with a bristle state that a model names, if it names one.
+fn bristles(model: &Model, law: CoulombViscous<f64>) -> Option<Bristles> {
+    let CoulombViscous { coulomb, viscous } = law;
+    let constant = |name: &str| model.constant(&format!("friction.{name}"));
+    let bristle_stiffness = constant("bristle_stiffness");
+    let (static_level, stribeck_velocity) = (constant("static"), constant("stribeck_velocity"));
+    let bristle_damping = constant("bristle_damping");
+    match model.law {
+        Law::CoulombViscous | Law::Stribeck | Law::Static => None,
+        Law::Dahl => Some(Box::new(Dahl {
+            coulomb,
+            viscous,
+            bristle_stiffness,
+        })),
+        Law::LuGre => Some(Box::new(LuGre {
+            coulomb,
+            viscous,
+            static_level,
+            stribeck_velocity,
+            bristle_stiffness,
+            bristle_damping,
+        })),
+        Law::ModifiedLuGre => Some(Box::new(ModifiedLuGre {
+            coulomb,
+            viscous,
+            static_level,
+            stribeck_velocity,
+            bristle_stiffness,
+            bristle_damping,
+        })),
+    }
+}
+
+/// Some of a model's terms in linear form.
+fn numbers(
+    model: &Model,
+    wanted: impl Fn(&Term) -> bool,
+) -> Vec<(&'static dyn Effect, Inner, Vec<f64>)> {
+    let coulomb = model.coulomb.value.unwrap_or(0.0);
+    let terms = model
+        .terms
+        .iter()
+        .filter(|t| wanted(t) && t.effect.width() > 0);
+    terms
+        .map(|t| {
+            let (inner, coefficients) = t.effect.linear(&system::values(t), coulomb);
+            (t.effect, inner, coefficients)
+        })
+        .collect()
+}
+
+/// Refuses a model in which a value is missing; the message names the first one.
+pub fn complete(model: &Model) -> Result<()> {
+    match model.first_unknown() {
+        None => Ok(()),
+        Some(missing) => Err(Error::Usage(format!(
+            "the model has no value for {missing}; run bristle identify first, or write a number"
+        ))),
+    }
+}
+
+impl Axis {
+    /// Takes the numbers out of a model of an axis with a law that fits know; a message names the first one missing.
+    pub fn new(model: &Model) -> Result<Self> {
+        match model.unfittable() {
+            Some((_, what)) => Err(Error::Usage(what)),
+            None => Self::simulated(model),
+        }
+    }
+
+    /// The same with any law, for simulation.
+    pub fn simulated(model: &Model) -> Result<Self> {
+        complete(model)?;
+        Ok(Self {
+            inertia: model.inertia.value.unwrap_or_default(),
+            gain: model.gain.value.unwrap_or_default(),
+            delay: system::delay(model),
+            contact: Contact::new(model)?,
+        })
+    }
+
+    /// Everything that resists motion at `q`, `v` while sliding in direction `s`, in N·m or N.
+    pub fn resistance(&self, q: f64, v: f64, s: f64) -> f64 {
+        self.contact.resistance(q, v, s)
     }
 }

@@ -2,14 +2,16 @@
 //!
 //! Data goes one way. A module uses only those before it in this order, which `tests/structure.rs` checks:
 //!
-//! format → motion → error → effects → model → recording → weak → problem → noise → linear → system → refine → dictionary → axis → simulate → fit → identify → diagnose → report → cli
+//! format → motion → error → effects → model → recording → weak → problem → noise → linear → system → refine → dictionary → axis → step → simulate → plant → excite → bench → fit → identify → diagnose → report → cli
 
 pub mod axis;
+pub mod bench;
 pub mod cli;
 pub mod diagnose;
 pub mod dictionary;
 pub mod effects;
 pub mod error;
+pub mod excite;
 pub mod fit;
 pub mod format;
 pub mod identify;
@@ -17,10 +19,12 @@ pub mod linear;
 pub mod model;
 pub mod motion;
 pub mod noise;
+pub mod plant;
 pub mod problem;
 pub mod recording;
 pub mod refine;
 pub mod report;
 pub mod simulate;
+pub mod step;
 pub mod system;
 pub mod weak;

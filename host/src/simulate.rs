@@ -1,145 +1,81 @@
 //! Free run: a complete model driven by the input of a recording alone.
-//!
-//! Between the instants at which the (possibly delayed) input switches, the axis slides in one direction and its
-//! equation is smooth: classical Runge-Kutta steps. Where velocity reaches zero the step is cut at that instant,
-//! and the forces decide: the axis stays at rest as long as the drive lies within what friction can balance.
 
 use crate::axis::Axis;
 use crate::recording::Recording;
+pub use crate::step::State;
+use crate::step::{self, Drive, Mechanism, Memory};
 
-/// Position and velocity.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct State {
-    /// Position, rad or m.
-    pub q: f64,
-    /// Velocity, rad/s or m/s.
-    pub v: f64,
+/// Which sample's input acts, under a zero-order hold whose output comes `delay` seconds late.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Hold {
+    acting: usize,
 }
 
-/// The part of a step over which velocity may change by its own size through viscous forces.
-const STIFFNESS: f64 = 0.3;
-/// Substeps beyond this many would mean a model faster than anything its recording could show.
-const MOST_SUBSTEPS: usize = 200;
+impl Hold {
+    /// The hold at the instant of sample `first`.
+    pub fn at(t: &[f64], first: usize, delay: f64) -> Self {
+        let begun = t.partition_point(|&sample| sample + delay <= t[first]);
+        Self {
+            acting: begun.max(1) - 1,
+        }
+    }
 
-/// Runs the axis from sample `first`, in state `from`, to sample `last`; one state for each sample, `from` included.
-pub fn run(
-    axis: &Axis,
+    /// Advances a mechanism from instant `t[k]` to `t[k + 1]` under the inputs up to now.
+    pub fn advance<const N: usize>(
+        &mut self,
+        plant: &impl Mechanism<N>,
+        (t, u): (&[f64], &[f64]),
+        k: usize,
+        load: f64,
+        mut state: Memory<N>,
+    ) -> Memory<N> {
+        let delay = plant.delay();
+        let mut now = t[k];
+        while now < t[k + 1] {
+            while self.acting + 1 < t.len() && t[self.acting + 1] + delay <= now {
+                self.acting += 1;
+            }
+            let switch = t
+                .get(self.acting + 1)
+                .map_or(f64::INFINITY, |next| next + delay);
+            let until = switch.min(t[k + 1]);
+            let drive = Drive {
+                u: u[self.acting],
+                load,
+            };
+            state = step::advance(plant, drive, state, until - now);
+            now = until;
+        }
+        state
+    }
+}
+
+/// Runs a mechanism from sample `first`, in state `from`, to sample `last`; one state for each sample, `from` included.
+pub fn run<const N: usize>(
+    plant: &impl Mechanism<N>,
     recording: &Recording,
     first: usize,
     last: usize,
     from: State,
 ) -> Vec<State> {
-    let t = &recording.t;
     let mut states = Vec::with_capacity(last - first + 1);
     states.push(from);
-    let mut state = from;
-    // Sample whose input acts at t[first].
-    let mut acting = t
-        .partition_point(|&sample| sample + axis.delay <= t[first])
-        .max(1)
-        - 1;
+    let mut state = Memory::at_ease(plant, from);
+    let mut hold = Hold::at(&recording.t, first, plant.delay());
     for k in first..last {
-        let mut now = t[k];
-        while now < t[k + 1] {
-            while acting + 1 < t.len() && t[acting + 1] + axis.delay <= now {
-                acting += 1;
-            }
-            let switch = t
-                .get(acting + 1)
-                .map_or(f64::INFINITY, |next| next + axis.delay);
-            let until = switch.min(t[k + 1]);
-            state = advance(axis, recording.u[acting], state, until - now);
-            now = until;
-        }
-        states.push(state);
+        state = hold.advance(plant, (&recording.t, &recording.u), k, 0.0, state);
+        states.push(plant.measured(&state.x));
     }
     states
 }
 
-/// Advances by `h` seconds under a constant drive.
-pub fn advance(axis: &Axis, u: f64, mut state: State, h: f64) -> State {
-    let mut left = h;
-    let substep = h / substeps(axis, state, h) as f64;
-    // Each pass slides one substep or ends at a standstill; a step cut at zero velocity adds one pass.
-    for _ in 0..4 * MOST_SUBSTEPS {
-        if left <= 1e-12 * h {
-            break;
-        }
-        let Some(s) = direction(axis, u, state) else {
-            state.v = 0.0;
-            return state;
-        };
-        let step = substep.min(left);
-        let next = runge_kutta(axis, u, state, s, step);
-        if next.v * s >= 0.0 {
-            state = next;
-            left -= step;
-        } else {
-            let (cut, at_rest) = stop(axis, u, state, s, step);
-            state = at_rest;
-            left -= cut;
-        }
-    }
-    state
-}
-
-/// Direction in which the axis slides, or `None` if friction holds it.
-fn direction(axis: &Axis, u: f64, state: State) -> Option<f64> {
-    if state.v != 0.0 {
-        return Some(state.v.signum());
-    }
-    let drive = axis.gain * u;
-    let (forward, backward) = (
-        axis.resistance(state.q, 0.0, 1.0),
-        axis.resistance(state.q, 0.0, -1.0),
-    );
-    if drive > forward.max(backward) {
-        Some(1.0)
-    } else if drive < forward.min(backward) {
-        Some(-1.0)
-    } else {
-        None
-    }
-}
-
-/// Where within `step` velocity reaches zero, by bisection on the length of the step, and the state there.
-fn stop(axis: &Axis, u: f64, state: State, s: f64, step: f64) -> (f64, State) {
-    let (mut low, mut high) = (0.0, step);
-    for _ in 0..40 {
-        let middle = 0.5 * (low + high);
-        if runge_kutta(axis, u, state, s, middle).v * s >= 0.0 {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
-    let at = runge_kutta(axis, u, state, s, low);
-    (high, State { q: at.q, v: 0.0 })
-}
-
-fn runge_kutta(axis: &Axis, u: f64, x: State, s: f64, h: f64) -> State {
-    // The branch of sliding direction s is continued smoothly past v = 0, so the order of the method holds.
-    let slope = |q: f64, v: f64| (v, axis.acceleration(u, q, v, s));
-    let (a1, b1) = slope(x.q, x.v);
-    let (a2, b2) = slope(x.q + 0.5 * h * a1, x.v + 0.5 * h * b1);
-    let (a3, b3) = slope(x.q + 0.5 * h * a2, x.v + 0.5 * h * b2);
-    let (a4, b4) = slope(x.q + h * a3, x.v + h * b3);
-    State {
-        q: x.q + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4),
-        v: x.v + h / 6.0 * (b1 + 2.0 * b2 + 2.0 * b3 + b4),
-    }
-}
-
-/// Substeps that keep the fastest mode of the linearised axis within reach of the method.
-fn substeps(axis: &Axis, state: State, h: f64) -> usize {
-    let s = if state.v < 0.0 { -1.0 } else { 1.0 };
-    let v = if state.v == 0.0 { 1e-6 } else { state.v };
-    let (dq, dv) = (1e-6, 1e-3 * v.abs().max(1e-6));
-    let here = axis.resistance(state.q, v, s);
-    let damping = (axis.resistance(state.q, v + s * dv, s) - here) / (dv * axis.inertia);
-    let stiffness = (axis.resistance(state.q + dq, v, s) - here) / (dq * axis.inertia);
-    let rate = damping.abs().max(stiffness.abs().sqrt());
-    ((h * rate / STIFFNESS).ceil() as usize).clamp(1, MOST_SUBSTEPS)
+/// Advances an axis whose law has no state by `h` seconds under a constant drive.
+pub fn advance(axis: &Axis, u: f64, state: State, h: f64) -> State {
+    let from = Memory {
+        x: [state.q, state.v],
+        z: 0.0,
+    };
+    axis.measured(&step::advance(axis, Drive { u, load: 0.0 }, from, h).x)
 }
 
 #[cfg(test)]

@@ -1,19 +1,17 @@
 //! `bristle demo`
 
 use std::f64::consts::TAU;
-use std::fmt::Write;
 use std::path::PathBuf;
 
 use clap::Args;
-use rand::{Rng, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 
+use super::bench::csv;
 use super::output::Outputs;
 use super::{Outcome, diagnose};
-use crate::axis::Axis;
+use crate::bench::{self, Control, Sensors};
 use crate::error::{Error, Result};
 use crate::model::Model;
-use crate::simulate::{State, advance};
+use crate::plant;
 
 /// Run the main job on a built-in recording: an axis with concealed physics, simulated, recorded and diagnosed
 ///
@@ -56,7 +54,7 @@ coulomb = \"?\"
 viscous = \"?\"
 ";
 
-const RATE: f64 = 1000.0;
+const RATE: usize = 1000;
 const SECONDS: usize = 24;
 const COUNTS: f64 = 16384.0;
 /// Torque that acts on the axis and is not recorded, RMS, N·m.
@@ -94,25 +92,24 @@ impl Command {
 /// Runs the axis under position control and writes what its driver would have recorded.
 fn record(seed: u64) -> Result<String> {
     let model = Model::parse(TRUTH).map_err(Error::Internal)?;
-    let axis = Axis::new(&model)?;
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let count = TAU / COUNTS;
-    let mut state = State { q: 0.0, v: 0.0 };
-    let mut before = 0.0;
-    let mut text = String::from("t[s],u[N*m],q[rad]\n");
-    for k in 0..SECONDS * RATE as usize {
-        let t = k as f64 / RATE;
-        let measured = (state.q / count).floor() * count;
-        // Two slow waves and a faster one: speeds from creeping to brisk, in both directions.
-        let wave = |hertz: f64| (TAU * hertz * t).sin();
-        let reference = 1.5 * wave(0.23) + 0.6 * wave(0.71) + 0.12 * wave(2.3);
-        let slope = (measured - before) * RATE;
-        let u = (6.0 * (reference - measured) - 0.05 * slope).clamp(-3.0, 3.0);
-        before = measured;
-        let _ = writeln!(text, "{t:.3},{u:.6},{measured:.9}");
-        // Sum of twelve uniform numbers: variance 1, close to normal.
-        let noise = (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0;
-        state = advance(&axis, u + DISTURBANCE * noise, state, 1.0 / RATE);
-    }
-    Ok(text)
+    let t: Vec<f64> = (0..SECONDS * RATE)
+        .map(|k| k as f64 / RATE as f64)
+        .collect();
+    // Two slow waves and a faster one: speeds from creeping to brisk, in both directions.
+    let wave = |t: f64, hertz: f64| (TAU * hertz * t).sin();
+    let reference = |&t: &f64| 1.5 * wave(t, 0.23) + 0.6 * wave(t, 0.71) + 0.12 * wave(t, 2.3);
+    let reference: Vec<f64> = t.iter().map(reference).collect();
+    let control = Control {
+        proportional: 6.0,
+        derivative: 0.05,
+    };
+    let sensors = Sensors {
+        count: TAU / COUNTS,
+        load_noise: DISTURBANCE,
+        seed,
+        ..Sensors::default()
+    };
+    let mut plant = plant::new(&model)?;
+    let record = bench::record(plant.as_mut(), t, &reference, Some(control), sensors);
+    Ok(csv(&record, &model))
 }

@@ -65,7 +65,7 @@ impl Command {
         )?;
         let progress = terminal::progress();
         progress.set_message("reading");
-        let model = Model::read(&self.model)?;
+        let model = Model::read_to_fit(&self.model)?;
         let recordings = read_all(&self.recordings, &model)?;
         progress.set_message("fitting the baseline");
         let (bench, baseline) =

@@ -64,7 +64,7 @@ impl Command {
         )?;
         let progress = terminal::progress();
         progress.set_message("reading");
-        let model = Model::read(&self.model)?;
+        let model = Model::read_to_fit(&self.model)?;
         let recordings = read_all(&self.recordings, &model)?;
         progress.set_message("identifying");
         let (bench, identified) =

@@ -1,5 +1,6 @@
 //! The command line: one verb, one file.
 
+mod bench;
 mod demo;
 mod diagnose;
 mod explain;

@@ -4,21 +4,26 @@ use std::path::Path;
 
 use toml_edit::{DocumentMut, Item, Table, TableLike, value};
 
+use super::kind::{Default, Spec};
 use super::place::{self, Problem, at};
-use super::{Causality, Columns, Law, Model, Motion, Parameter, Term};
+use super::{Causality, Columns, Constant, Kind, Law, Model, Motion, Parameter, Term};
 use crate::effects::{self, Effect};
 use crate::error::{Error, Result};
 
 impl Model {
     /// Reads a model file.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(|reason| Error::Unreadable {
-            path: path.to_owned(),
-            reason,
-        })?;
-        Self::parse(&text).map_err(|what| Error::Model {
-            path: path.to_owned(),
-            what,
+        read(path, Self::parse)
+    }
+
+    /// Reads a model file and refuses what can be simulated only.
+    pub fn read_to_fit(path: &Path) -> Result<Self> {
+        read(path, |text| {
+            let model = Self::parse(text)?;
+            match model.unfittable() {
+                None => Ok(model),
+                Some((key, what)) => Err(at(key, what).message(text)),
+            }
         })
     }
 
@@ -37,11 +42,12 @@ impl Model {
         let plant = section(&document, "plant")?.ok_or_else(|| {
             at("plant", "the section [plant] is missing; it says at least motion = \"rotary\" or \"linear\"")
         })?;
-        only(
-            plant,
-            "plant",
-            &["motion", "input", "gain", "inertia", "causality"],
-        )?;
+        let kind = word(plant, "plant", "kind", &Kind::WORDS)?
+            .map(Kind::from_word)
+            .unwrap_or_default();
+        let mut keys = vec!["kind", "motion", "input", "gain", "inertia", "causality"];
+        keys.extend(kind.constants().iter().map(|spec| spec.name));
+        only(plant, "plant", &keys)?;
         let motion =
             match word(plant, "plant", "motion", &["rotary", "linear"])?.ok_or_else(|| {
                 at(
@@ -63,7 +69,14 @@ impl Model {
             "input",
             &["torque", "force", "voltage", "current"],
         )?
-        .unwrap_or(torque);
+        .unwrap_or(if kind.is_electric() {
+            "voltage"
+        } else {
+            torque
+        });
+        if let Some((key, what)) = kind.unsuited(motion, input) {
+            return Err(at(key, what));
+        }
         let causality = match word(plant, "plant", "causality", &["forward", "inverse"])? {
             Some("inverse") => Causality::Inverse,
             _ => Causality::Forward,
@@ -83,7 +96,10 @@ impl Model {
                 ));
             }
         }
-        let (law, coulomb, viscous, mut terms) = friction(section(&document, "friction")?)?;
+        let given = section(&document, "friction")?;
+        let (law, coulomb, viscous, mut terms) = friction(given)?;
+        let mut constants = constants(Some(plant), "plant", kind.constants())?;
+        constants.extend(self::constants(given, "friction", law.constants())?);
         // An estimate may come out below zero by its error, but nobody knows such a level.
         if coulomb.known && coulomb.value.is_some_and(|v| v < 0.0) {
             return Err(at(
@@ -107,12 +123,14 @@ impl Model {
             motion,
             input: input.to_owned(),
             causality,
+            kind,
             law,
             gain,
             inertia,
             coulomb,
             viscous,
             terms,
+            constants,
             columns: columns(section(&document, "columns")?)?,
             document,
         })
@@ -146,6 +164,17 @@ impl Model {
     }
 }
 
+fn read(path: &Path, parse: impl Fn(&str) -> std::result::Result<Model, String>) -> Result<Model> {
+    let text = std::fs::read_to_string(path).map_err(|reason| Error::Unreadable {
+        path: path.to_owned(),
+        reason,
+    })?;
+    parse(&text).map_err(|what| Error::Model {
+        path: path.to_owned(),
+        what,
+    })
+}
+
 type Checked<T> = std::result::Result<T, Problem>;
 type Friction = (Law, Parameter, Parameter, Vec<Term>);
 
@@ -158,35 +187,18 @@ fn friction(section: Option<&dyn TableLike>) -> Checked<Friction> {
             Vec::new(),
         ));
     };
-    let laws = [
-        "coulomb-viscous",
-        "stribeck",
-        "static",
-        "dahl",
-        "lugre",
-        "modified-lugre",
-    ];
-    let law = match word(section, "friction", "model", &laws)? {
-        None | Some("coulomb-viscous") => Law::CoulombViscous,
-        Some("stribeck") => Law::Stribeck,
-        Some("static") => Law::Static,
-        Some(dynamic) => {
-            return Err(at(
-                "friction.model",
-                format!(
-                    "friction.model = {dynamic:?} is a law with a bristle state, which this version does not fit or simulate yet; use \"coulomb-viscous\", \"stribeck\" or \"static\""
-                ),
-            ));
-        }
-    };
+    let law = word(section, "friction", "model", &Law::WORDS)?
+        .map_or(Law::CoulombViscous, Law::from_word);
+    let curved = matches!(law, Law::Stribeck | Law::Static);
     let mut keys = vec!["model", "coulomb", "viscous"];
-    if law != Law::CoulombViscous {
+    if curved {
         keys.extend(["static", "stribeck_velocity", "exponent"]);
     }
+    keys.extend(law.constants().iter().map(|spec| spec.name));
     only(section, "friction", &keys)?;
     let get = |name| parameter(section, "friction", name).map(Option::unwrap_or_default);
     let mut terms = Vec::new();
-    if law != Law::CoulombViscous {
+    if curved {
         // The law itself has the exponent 2; a file may say otherwise.
         let exponent =
             parameter(section, "friction", "exponent")?.unwrap_or_else(|| Parameter::known(2.0));
@@ -198,6 +210,46 @@ fn friction(section: Option<&dyn TableLike>) -> Checked<Friction> {
         });
     }
     Ok((law, get("coulomb")?, get("viscous")?, terms))
+}
+
+/// Constants of a section, those left out at their defaults.
+fn constants(
+    section: Option<&dyn TableLike>,
+    name: &str,
+    specs: &[Spec],
+) -> Checked<Vec<Constant>> {
+    let mut constants: Vec<Constant> = Vec::new();
+    for spec in specs {
+        let key = format!("{name}.{}", spec.name);
+        let given = match section {
+            Some(section) => parameter(section, name, spec.name)?,
+            None => None,
+        };
+        let strict = !matches!(spec.default, Default::Number(_));
+        if let Some(value) = given.as_ref().and_then(|p| p.value)
+            && (value < 0.0 || strict && value == 0.0)
+        {
+            let what = if strict {
+                "positive"
+            } else {
+                "zero or positive"
+            };
+            return Err(at(&key, format!("{key} must be {what}")));
+        }
+        let parameter = given.unwrap_or_else(|| match spec.default {
+            Default::Unknown => Parameter::unknown(),
+            Default::Number(value) => Parameter::known(value),
+            Default::SameAs(other) => {
+                let other = format!("{name}.{other}");
+                let mut found = constants.iter().filter(|c| c.key == other);
+                found
+                    .next()
+                    .map_or_else(Parameter::unknown, |c| c.parameter.clone())
+            }
+        });
+        constants.push(Constant { key, parameter });
+    }
+    Ok(constants)
 }
 
 fn effect_terms(

@@ -1,11 +1,13 @@
 //! Models of an axis: what is known, what is to be estimated, and what was found.
 
 mod file;
+mod kind;
 mod parameter;
 mod place;
 
 use std::collections::BTreeMap;
 
+pub use kind::{Constant, Kind};
 pub use parameter::Parameter;
 
 use crate::effects::{Effect, Quantity, Spec};
@@ -23,15 +25,21 @@ pub enum Causality {
     Inverse,
 }
 
-/// Friction laws that a model file can name and that this version fits.
+/// Friction laws that a model file can name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Law {
     /// Coulomb and viscous friction.
     CoulombViscous,
     /// Coulomb, viscous and the exponential Stribeck curve.
     Stribeck,
-    /// The same curve, named for its sticking condition, which every law of this version obeys.
+    /// The same curve, named for its sticking condition, which every law without a bristle state obeys.
     Static,
+    /// Bristles that deflect and yield at the Coulomb level, and viscous friction.
+    Dahl,
+    /// Bristles that yield at a level with the exponential Stribeck curve.
+    LuGre,
+    /// Bristles that yield at a level with the rational Stribeck curve.
+    ModifiedLuGre,
 }
 
 /// An effect that is part of a model, with its parameters in the order of [`Effect::parameters`].
@@ -56,6 +64,8 @@ pub struct Model {
     pub input: String,
     /// Which side is imposed.
     pub causality: Causality,
+    /// What moves.
+    pub kind: Kind,
     /// The friction law that the file names.
     pub law: Law,
     /// Torque or force per unit of `u`.
@@ -68,6 +78,8 @@ pub struct Model {
     pub viscous: Parameter,
     /// Effects beyond Coulomb and viscous friction.
     pub terms: Vec<Term>,
+    /// What plants and laws have beyond the parameters that fits know.
+    pub constants: Vec<Constant>,
     /// Column mapping of the recordings.
     pub columns: Columns,
     document: toml_edit::DocumentMut,
@@ -189,7 +201,12 @@ impl Model {
     /// The first parameter without a value, as the user would look for it in the file.
     pub fn first_unknown(&self) -> Option<String> {
         let labels = self.labels();
-        let at = self.parameters().iter().position(|p| p.value.is_none())?;
+        let Some(at) = self.parameters().iter().position(|p| p.value.is_none()) else {
+            let mut constants = self.constants.iter();
+            return constants
+                .find(|c| c.parameter.value.is_none())
+                .map(|c| c.key.clone());
+        };
         let label = &labels[at];
         Some(match (label.effect, label.name) {
             (Some(id), name) => format!("effects.{id}.{name}"),

@@ -1,0 +1,154 @@
+//! Steps under a friction law without state: the contact slides one way or the other, or it sticks.
+//!
+//! While it slides in one direction the equations are smooth: classical Runge-Kutta steps. Where the sliding velocity
+//! reaches zero the step is cut at that instant, and the forces decide: the contact sticks, with a velocity of exactly
+//! zero, as long as the balance of forces lies within what friction can hold; where it leaves that, the step is cut
+//! again. Instants are found by bisection down to rounding.
+
+use super::{Drive, Mechanism, moved};
+
+/// The part of a step over which velocity may change by its own size through viscous forces.
+const STIFFNESS: f64 = 0.3;
+/// Substeps beyond this many would mean a model faster than anything its recording could show.
+const MOST_SUBSTEPS: usize = 200;
+/// Bisections that take the longest step down to rounding.
+const BISECTIONS: usize = 40;
+
+pub(super) fn advance<const N: usize>(
+    plant: &impl Mechanism<N>,
+    drive: Drive,
+    mut x: [f64; N],
+    h: f64,
+) -> [f64; N] {
+    let mut left = h;
+    let substep = h / substeps(plant, &x, h) as f64;
+    // Each pass goes one substep or ends where the contact sticks or lets go, which adds one pass.
+    for _ in 0..4 * MOST_SUBSTEPS {
+        if left <= 1e-12 * h {
+            break;
+        }
+        let step = substep.min(left);
+        let spent = match direction(plant, drive, &x) {
+            Some(s) => slide(plant, drive, &mut x, s, step),
+            None => {
+                plant.rest(&mut x);
+                // Of a position and a velocity at rest nothing is left to move.
+                if N == 2 {
+                    left
+                } else {
+                    stick(plant, drive, &mut x, step)
+                }
+            }
+        };
+        left -= spent;
+    }
+    x
+}
+
+/// Direction in which the contact slides, or `None` if friction holds it.
+fn direction<const N: usize>(plant: &impl Mechanism<N>, drive: Drive, x: &[f64; N]) -> Option<f64> {
+    let at = plant.sliding(x);
+    if at.v != 0.0 {
+        return Some(at.v.signum());
+    }
+    let balance = plant.balance(drive, x);
+    let contact = plant.contact();
+    let (forward, backward) = (
+        contact.resistance(at.q, 0.0, 1.0),
+        contact.resistance(at.q, 0.0, -1.0),
+    );
+    if balance > forward.max(backward) {
+        Some(1.0)
+    } else if balance < forward.min(backward) {
+        Some(-1.0)
+    } else {
+        None
+    }
+}
+
+/// Slides in direction `s` for a step or until velocity reaches zero; returns the time spent.
+fn slide<const N: usize>(
+    plant: &impl Mechanism<N>,
+    drive: Drive,
+    x: &mut [f64; N],
+    s: f64,
+    step: f64,
+) -> f64 {
+    // The branch of sliding direction s is continued smoothly past v = 0, so the order of the method holds.
+    let friction = |x: &[f64; N]| {
+        let at = plant.sliding(x);
+        plant.contact().resistance(at.q, at.v, s)
+    };
+    let go = |h: f64| runge_kutta(|x| plant.rate(drive, x, friction(x)), x, h);
+    let slides = |x: &[f64; N]| plant.sliding(x).v * s >= 0.0;
+    let (mut next, mut spent) = (go(step), step);
+    if !slides(&next) {
+        let (low, high) = bisect(step, |h| slides(&go(h)));
+        (next, spent) = (go(low), high);
+        plant.rest(&mut next);
+    }
+    *x = next;
+    spent
+}
+
+/// Stays at rest for a step or until friction can no longer hold; returns the time spent.
+fn stick<const N: usize>(
+    plant: &impl Mechanism<N>,
+    drive: Drive,
+    x: &mut [f64; N],
+    step: f64,
+) -> f64 {
+    let go = |h: f64| {
+        let mut next = runge_kutta(|x| plant.rate(drive, x, plant.balance(drive, x)), x, h);
+        plant.rest(&mut next);
+        next
+    };
+    let holds = |x: &[f64; N]| direction(plant, drive, x).is_none();
+    let (mut next, mut spent) = (go(step), step);
+    if !holds(&next) {
+        (_, spent) = bisect(step, |h| holds(&go(h)));
+        next = go(spent);
+    }
+    *x = next;
+    spent
+}
+
+/// The two ends of the instant, within a step, up to which `lasts` is true.
+fn bisect(step: f64, lasts: impl Fn(f64) -> bool) -> (f64, f64) {
+    let (mut low, mut high) = (0.0, step);
+    for _ in 0..BISECTIONS {
+        let middle = 0.5 * (low + high);
+        if lasts(middle) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    (low, high)
+}
+
+fn runge_kutta<const N: usize>(
+    slope: impl Fn(&[f64; N]) -> [f64; N],
+    x: &[f64; N],
+    h: f64,
+) -> [f64; N] {
+    let a = slope(x);
+    let b = slope(&moved(x, 0.5 * h, &a));
+    let c = slope(&moved(x, 0.5 * h, &b));
+    let d = slope(&moved(x, h, &c));
+    std::array::from_fn(|k| x[k] + h / 6.0 * (a[k] + 2.0 * b[k] + 2.0 * c[k] + d[k]))
+}
+
+/// Substeps that keep the fastest mode of the linearised mechanism within reach of the method.
+fn substeps<const N: usize>(plant: &impl Mechanism<N>, x: &[f64; N], h: f64) -> usize {
+    let at = plant.sliding(x);
+    let s = if at.v < 0.0 { -1.0 } else { 1.0 };
+    let v = if at.v == 0.0 { 1e-6 } else { at.v };
+    let (dq, dv) = (1e-6, 1e-3 * v.abs().max(1e-6));
+    let resistance = |q, v| plant.contact().resistance(q, v, s);
+    let here = resistance(at.q, v);
+    let damping = (resistance(at.q, v + s * dv) - here) / (dv * plant.inertia());
+    let stiffness = (resistance(at.q + dq, v) - here) / (dq * plant.inertia());
+    let rate = damping.abs().max(stiffness.abs().sqrt()).max(plant.pace());
+    ((h * rate / STIFFNESS).ceil() as usize).clamp(1, MOST_SUBSTEPS)
+}
