@@ -4,6 +4,14 @@
 //! cargo bench -p bristle-core
 //! ```
 //!
+//! On an AMD EPYC of a shared machine, rustc 1.95, in millions a second:
+//!
+//! | law | f64 | f32 | Q16 |
+//! | --- | --- | --- | --- |
+//! | `Dahl` | 128 | 128 | 37 |
+//! | `LuGre` | 54 | 70 | 19 |
+//! | `ModifiedLuGre` | 78 | 98 | 20 |
+//!
 //! A step of a law with bristles is [`Dynamic::step`], the exact deflection and the mean force, in a chain where each
 //! step needs the deflection of the last; one of a law without state is [`Friction::reaction`]. The velocities
 //! pass through rest, presliding and sliding at every speed from a hundredth to a hundred Stribeck velocities.

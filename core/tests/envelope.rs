@@ -71,7 +71,7 @@ impl Rounding for Single {
         Self::units(2.0, value)
     }
     fn relaxation(value: f64) -> f64 {
-        Self::units(7.0, value)
+        Self::units(17.0, value)
     }
 }
 
@@ -95,7 +95,7 @@ impl Rounding for Fixed {
         HALF + 2_f64.powi(-25) * value + 2.0 * U64 * value
     }
     fn relaxation(value: f64) -> f64 {
-        HALF + 2_f64.powi(-21) + 7.0 * U64 * value
+        HALF + 2_f64.powi(-21) + 17.0 * U64 * value
     }
 }
 

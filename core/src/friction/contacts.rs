@@ -255,6 +255,7 @@ fn subtract<S: Scalar, const N: usize>(force: &mut [S; N], direction: &[S; N], r
 mod tests {
     use super::Contacts;
     use crate::friction::CoulombViscous;
+    use crate::scalar::{Q16, Scalar};
 
     fn coulomb(level: f64) -> CoulombViscous<f64> {
         CoulombViscous {
@@ -317,5 +318,23 @@ mod tests {
             let rest = torque.abs() <= 3.5;
             assert_eq!(found.acceleration[0].abs() < 1e-14, rest);
         }
+    }
+
+    #[test]
+    fn a_stack_in_fixed_point_slips_alike() {
+        // Masses and forces of 1 have exact inverses and products, so nothing rounds.
+        let s = Q16::from_f64;
+        let [zero, one] = [Q16::ZERO, Q16::ONE];
+        let stack = Contacts::new([[one, zero], [zero, one]], [[one, zero], [-one, one]]);
+        let laws = [3.0, 1.0].map(|level| CoulombViscous {
+            coulomb: s(level),
+            viscous: zero,
+        });
+        let slipped = stack.react(&laws, &[zero; 2], &[zero, s(2.0)]);
+        assert_eq!(slipped.sticks, [true, false]);
+        assert_eq!(slipped.acceleration, [zero, one]);
+        let held = stack.react(&laws, &[zero; 2], &[zero, s(0.75)]);
+        assert_eq!(held.sticks, [true, true]);
+        assert_eq!(held.reaction, [s(0.75); 2]);
     }
 }

@@ -24,8 +24,10 @@ use crate::Scalar;
 ///   eigenvalue;
 /// - it is, at any velocity, from states with `|z| ≤ max ẑ` if `Fv ≥ σ1·(max g/min g − 1)`, as
 ///   `ż·v = v²·(1 − z·sgn v/ẑ(v))` then loses at most what `Fv·v²` dissipates. For `LuGre` this reads
-///   `Fv ≥ σ1·(Fs − Fc)/Fc`, which Barahanov and Ortega (2000) show to be necessary, too, for velocities that may
-///   do anything.
+///   `Fv ≥ σ1·(Fs − Fc)/Fc`, the condition of Barahanov and Ortega (2000). Without it a cycle of slow sliding and
+///   fast strokes can gain energy, as a test shows.
+///
+/// A deflection within `|z| ≤ max ẑ` stays there.
 ///
 /// As the mean force of a step is that of a true trajectory, all three hold for [`Dynamic::step`] as they stand,
 /// at any `dt`, with the velocity constant within each step.
@@ -48,15 +50,16 @@ pub trait Dynamic<S: Scalar> {
     /// `z + v·dt` without cancellation; for large `x` it is `z_ss`. Explicit Euler would diverge from `x > 2`.
     /// Being between `z` and `z_ss`, the result never leaves `|z| ≤ max ẑ` once inside.
     fn advance(&self, deflection: S, velocity: S, dt: S) -> S {
-        let saturation = self.level(velocity) / self.stiffness();
-        let (relaxed, _) = (velocity.abs() * dt / saturation).relax();
+        let level = self.level(velocity);
+        let (saturation, inverse) = (level / self.stiffness(), self.stiffness() / level);
+        let (relaxed, _) = (velocity.abs() * dt * inverse).relax();
         deflection + (saturation * velocity.sign() - deflection) * relaxed
     }
 
     /// The rate `ż` of the deflection, in rad/s or m/s.
     fn rate(&self, deflection: S, velocity: S) -> S {
-        // The quotient stays moderate at any velocity, which a saturating number needs.
-        let share = deflection / (self.level(velocity) / self.stiffness());
+        // This share of the saturation stays moderate at any velocity, which a saturating number needs.
+        let share = deflection * (self.stiffness() / self.level(velocity));
         velocity - velocity.abs() * share
     }
 

@@ -7,10 +7,10 @@
 //! begins with `−r`, is the result: no precision is lost. `ln 2/32` is subtracted in two parts, of which the
 //! first ends in enough zeros for its product with `n` to be exact.
 //!
-//! With unit roundoff `u`: as `|r| ≤ ln 2/64`, the polynomial is cut off below `2u` of its value, it rounds by `2u`,
-//! and its scaling by `(1 − D)` by `2u`; but it is under half of the result unless `n = 0`, where `1 − D` is exact. `D` is
-//! within `2u`, and the two sums round by `u` each. So the relative error stays below `6u`, and that of the
-//! mean, which divides by `x`, below `7u`.
+//! With unit roundoff `u` and `|r| ≤ ln 2/64`, the product of `1 − D` and the polynomial errs by `8u` of its value: `u` from
+//! `r`, `3u` from cutting off, `2u` from rounding the polynomial and `2u` from the product. `D` errs by `3u`. The result is
+//! smallest against both at `n = 1` and `r = −ln 2/64`, where the product is about as large as the result and `D`
+//! twice as large, and the two sums add `u` each: altogether below `16u`. The mean divides by `x`: below `17u`.
 
 use super::Scalar;
 
@@ -155,11 +155,11 @@ mod tests {
             let exact = -(-x).exp_m1();
             let (relaxed, mean) = Scalar::relax(x);
             assert!(
-                (relaxed - exact).abs() <= 3.0 * f64::EPSILON * exact,
+                (relaxed - exact).abs() <= 8.0 * f64::EPSILON * exact,
                 "{x:e}"
             );
             assert!(
-                (mean - exact / x).abs() <= 3.5 * f64::EPSILON * exact / x,
+                (mean - exact / x).abs() <= 8.5 * f64::EPSILON * exact / x,
                 "{x:e}"
             );
         }
@@ -174,11 +174,11 @@ mod tests {
             let exact = -(-x).exp_m1();
             let (relaxed, mean) = single.relax();
             assert!(
-                (f64::from(relaxed) - exact).abs() <= 3.0 * epsilon * exact,
+                (f64::from(relaxed) - exact).abs() <= 8.0 * epsilon * exact,
                 "{x:e}"
             );
             assert!(
-                (f64::from(mean) - exact / x).abs() <= 3.5 * epsilon * exact / x,
+                (f64::from(mean) - exact / x).abs() <= 8.5 * epsilon * exact / x,
                 "{x:e}"
             );
         }
