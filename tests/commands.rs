@@ -406,9 +406,9 @@ fn every_plant_runs_under_every_law_and_signal() {
 }
 
 #[test]
-fn a_geared_servo_looks_like_the_axis_of_its_manual() {
-    // Behind its armature the servo is J = Jl + ηg·N²·Jm and Fv + ηg·ηm·N²·kt·ke/R, with the gain ηg·ηm·N·kt/R: the
-    // manual's 2.08e-3 kg·m², 0.084 N·m·s/rad and 0.129 N·m/V.
+fn a_geared_servo_looks_like_an_axis_to_the_diagnosis() {
+    // Behind its armature the servo is J = Jl + ηg·N²·Jm and Fv + ηg·ηm·N²·kt·ke/R, with the gain ηg·ηm·N·kt/R:
+    // 2.086e-3 kg·m², 0.08403 N·m·s/rad and 0.1284 N·m/V.
     let folder = Folder::new();
     folder.write("srv02.toml", include_str!("../host/examples/srv02.toml"));
     let axis = BASELINE

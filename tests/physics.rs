@@ -145,17 +145,18 @@ fn a_motor_settles_where_its_torques_balance() {
 }
 
 #[test]
-fn the_servo_of_the_data_sheet_has_the_gain_and_inertia_of_its_manual() {
+fn the_servo_of_the_data_sheet_is_the_motor_that_its_output_shaft_feels() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/srv02.toml");
     let mut truth = Model::read(path.as_ref()).expect("the example is a model");
     truth.coulomb.value = Some(0.0);
     let plant = geared_servo(&truth).expect("the example is complete");
-    // The manual's equivalent inertia, 2.08e-3 kg·m², and the workbook's gain of 1.53 rad/s per volt, as printed.
-    close(plant.axis.inertia, 2.08e-3, 0.01e-3);
+    // J = Jl + ηg·N²·Jm, and ω/V = kt′/(R·Fv + kt′·ke′) with kt′ = ηg·ηm·N·kt and ke′ = N·ke.
+    let (kt, ke) = (0.90 * 0.69 * 70.0 * 7.68e-3, 70.0 * 7.68e-3);
+    close(plant.axis.inertia, 5.3e-5 + 0.90 * 4900.0 * 4.61e-7, 1e-15);
     let end = *run(&plant, [0.0; 3], (1000, 1e-3), |_| 1.0)
         .last()
         .expect("states");
-    close(end.x[1], 1.53, 0.005);
+    close(end.x[1], kt / (2.6 * 0.015 + kt * ke), 1e-9);
 }
 
 #[test]

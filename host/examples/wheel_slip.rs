@@ -4,8 +4,9 @@
 //! cargo run --release --example wheel_slip
 //! ```
 //!
-//! One wheelset of a locomotive, 18 t on the rail. Adhesion has Polach's falling branch for wet rails (μ0 = 0.30, A = 0.40,
-//! B = 0.20 s/m): once as a law that sticks or slips, once with bristles, which creep below the limit.
+//! One wheelset of a locomotive, 18 t on the rail. Adhesion falls with slip in the form of Polach for a wet rail (μ0 = 0.30, A =
+//! 0.40, B = 0.20 s/m) where the law sticks or slips; the law with bristles, which creeps below the limit, has the same
+//! levels and falls over the same velocity, but along the rational curve.
 
 mod plot;
 

@@ -8,9 +8,10 @@
 //!
 //! # The public data of the SRV02
 //! Quanser, SRV02 User Manual, table 3.1: `R` = 2.6 Ω, `L` = 0.18 mH, `kt` = 7.68e-3 N·m/A, `ke` = 7.68e-3 V·s/rad, `N` =
-//! 70 (high gear), `ηg` = 0.90, `ηm` = 0.69, rotor 3.90e-7 kg·m² and tachometer 7.06e-8 kg·m², so `Jm` = 4.61e-7 kg·m²;
-//! its gears weigh `Jl` = 5.3e-5 kg·m², and `J` comes to the 2.08e-3 kg·m² that the manual gives as equivalent inertia.
-//! Its viscous friction is 0.015 N·m·s/rad. A model file with these numbers is in `host/examples/srv02.toml`.
+//! 70 (high gear), `ηg` = 0.90, `ηm` = 0.69, rotor 3.90e-7 kg·m² and tachometer 7.06e-8 kg·m², so `Jm` = 4.61e-7 kg·m²,
+//! and viscous friction 0.015 N·m·s/rad. Its gears, discs with the masses and radii of table 3.2 (24 teeth: 5 g, 6.35 mm;
+//! two with 72 teeth: 30 g, 19 mm; 120 teeth: 83 g, 32 mm), have `Jl` = 5.3e-5 kg·m². `J` comes to 2.09e-3 kg·m² and the
+//! speed to 1.53 rad/s per volt. A model file with these numbers is `host/examples/srv02.toml`.
 
 use super::DcMotor;
 use crate::error::{Error, Result};

@@ -10,9 +10,9 @@
 //!
 //! The `[friction]` of the file is the adhesion `F(w)`. Its falling branch is the law's: Polach's decrease with slip
 //! velocity, `μ = μ0·[(1 − A)·e^(−B·w) + A]`, is the law `stribeck` with `static = μ0·N`, `coulomb = A·μ0·N`,
-//! `stribeck_velocity = 1/B` and `exponent = 1` under the wheel load `N`; typical are `μ0` = 0.55, `A` = 0.40, `B` = 0.60 s/m on
-//! dry rails and 0.30, 0.40, 0.20 s/m on wet ones. A law of bristles adds the creep below the adhesion limit. Beyond that
-//! limit the wheel runs away from the vehicle, until the drive is taken back; on the falling branch the axle may chatter.
+//! `stribeck_velocity = 1/B` and `exponent = 1` under the wheel load `N`; on wet rails `μ0` is about 0.3, `A` 0.4 and `B`
+//! 0.2 s/m. A law of bristles adds the creep below the adhesion limit. Beyond that limit the wheel runs away from the
+//! vehicle, until the drive is taken back; on the falling branch the axle may chatter.
 //!
 //! The effects of the catalogue act on the drive; those that jump where its velocity changes sign are refused.
 //!
