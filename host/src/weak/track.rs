@@ -86,6 +86,8 @@ impl Track {
                 .enumerate()
                 .all(|(k, t_k)| (t_k - t[0] - k as f64 * period).abs() < JITTER * period)
         };
+        // Of the samples as they are: interpolation hides the steps of a quantiser.
+        let position_noise = position_noise(&position);
         let (period, q) = if uniform(even) {
             (even, position)
         } else {
@@ -95,7 +97,7 @@ impl Track {
         let mut track = Self {
             start: t[0],
             period,
-            position_noise: position_noise(&q),
+            position_noise,
             q,
             v: Vec::new(),
             cells: Vec::new(),
