@@ -16,7 +16,9 @@ const FLOOR: f64 = 0.19;
 /// Torque that no effect explains counts from this share of the drive's RMS on: a sixth of the smallest effects that are
 /// looked for (3 %), and about what smoothing and sampling leave behind where the noise is very low.
 const SMALLEST: f64 = 0.005;
-/// Least t of what no effect explains: 5 % one-sided, with the four degrees of freedom of five folds.
+/// The instant of a reversal is uncertain by about this share of a sampling interval.
+const TIMING: f64 = 0.1;
+/// Least t of a gain: 5 % one-sided, with the four degrees of freedom of five folds.
 const CERTAIN: f64 = 2.13;
 /// Least fall of BIC: odds of e³ against the simpler model beyond the price of parameters and search.
 const LEAST_DELTA_BIC: f64 = 6.0;
@@ -81,7 +83,7 @@ pub(super) fn with_trial(model: &Model, trial: &Trial) -> Model {
 }
 
 fn passes(trial: &Trial) -> bool {
-    trial.gain >= FLOOR && trial.delta_bic >= LEAST_DELTA_BIC
+    trial.gain.share >= FLOOR && trial.gain.t >= CERTAIN && trial.delta_bic >= LEAST_DELTA_BIC
 }
 
 /// Every effect not yet in the model, tried on it; best first.
@@ -135,7 +137,7 @@ fn predicts_better(
     trial: &Trial,
     recordings: &[Recording],
 ) -> Result<bool> {
-    if trial.delta_bic < LEAST_DELTA_BIC || trial.gain <= 0.0 {
+    if trial.delta_bic < LEAST_DELTA_BIC || trial.gain.share <= 0.0 {
         return Ok(false);
     }
     let tracks = &bench.problem.tracks;
@@ -222,9 +224,18 @@ pub(super) fn leftover(bench: &Workbench, model: &Model) -> Result<Leftover> {
     Ok(Leftover {
         gain,
         size,
-        certain: size >= SMALLEST && best.into_iter().any(|g| g.share >= FLOOR && g.t >= CERTAIN),
+        certain: size >= smallest(bench)
+            && best.into_iter().any(|g| g.share >= FLOOR && g.t >= CERTAIN),
         coordinates: gains.into_iter().map(|(name, g)| (name, g.share)).collect(),
     })
+}
+
+/// The size from which on something unexplained counts: [`SMALLEST`], or what uncertain reversals leave where few samples
+/// lie under a window.
+fn smallest(bench: &Workbench) -> f64 {
+    let reaches = bench.problem.windows.iter().map(|w| w.reach as f64);
+    let coarsest = reaches.map(|reach| TIMING / reach).fold(0.0, f64::max);
+    SMALLEST.max(coarsest)
 }
 
 /// RMS of the residual torque over the RMS of the driving torque, both averaged by the test functions.

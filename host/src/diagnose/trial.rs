@@ -15,8 +15,8 @@ pub(super) struct Trial {
     pub inner: f64,
     /// Fall of the Bayesian information criterion, the search over the inner parameter paid for.
     pub delta_bic: f64,
-    /// Share by which the cross-validated squared error falls.
-    pub gain: f64,
+    /// How much the cross-validated squared error falls.
+    pub gain: Gain,
 }
 
 /// A model with numbers, its whitened system and its score: what candidates are compared with.
@@ -108,7 +108,7 @@ impl<'a> Base<'a> {
             effect,
             inner,
             delta_bic: self.score.chi2 - score.chi2 - penalty,
-            gain: 1.0 - score.cross_validated / self.score.cross_validated,
+            gain: Gain::of(&self.score, &score),
         }))
     }
 

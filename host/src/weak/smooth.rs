@@ -45,6 +45,17 @@ impl Differentiator {
         self.weights.row(self.half).norm()
     }
 
+    /// The same for samples that are running sums of unit white noise.
+    pub(super) fn summed_noise_gain(&self) -> f64 {
+        let mut tail = 0.0;
+        let weights = self.weights.row(self.half);
+        let squares = weights.iter().rev().map(|w| {
+            tail += w;
+            tail * tail
+        });
+        squares.sum::<f64>().sqrt()
+    }
+
     /// Derivative of `x` per sampling interval, at every sample.
     pub(super) fn apply(&self, x: &[f64]) -> Vec<f64> {
         (0..x.len())
@@ -87,6 +98,16 @@ mod tests {
             let t = k as f64 * 0.1;
             assert!((d / 0.1 - (3.0 * t * t - 2.0)).abs() < 1e-9);
         }
+    }
+
+    #[test]
+    fn running_sums_pass_their_mean_slope() {
+        // Half-width one: the central difference (x₂ − x₀)/2 of sums holds two of the summands, half each.
+        let gain = Differentiator::new(2).summed_noise_gain();
+        let x: Vec<f64> = (0..5).map(f64::from).collect();
+        assert!((Differentiator::new(2).apply(&x)[2] - 1.0).abs() < 1e-12);
+        // Weights of the summands add up to one, so their norm lies between 1/√4 and 1.
+        assert!((0.5..1.0).contains(&gain), "{gain}");
     }
 
     #[test]

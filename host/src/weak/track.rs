@@ -87,7 +87,8 @@ impl Track {
                 .all(|(k, t_k)| (t_k - t[0] - k as f64 * period).abs() < JITTER * period)
         };
         // Of the samples as they are: interpolation hides the steps of a quantiser.
-        let position_noise = position_noise(&position);
+        let velocity_only = recording.q.is_none();
+        let sample_noise = position_noise(recording.measured());
         let (period, q) = if uniform(even) {
             (even, position)
         } else {
@@ -97,7 +98,7 @@ impl Track {
         let mut track = Self {
             start: t[0],
             period,
-            position_noise,
+            position_noise: sample_noise,
             q,
             v: Vec::new(),
             cells: Vec::new(),
@@ -107,7 +108,10 @@ impl Track {
             doubt: 0.0,
             input,
         };
-        let filter = track.differentiate();
+        if velocity_only {
+            track.position_noise *= period;
+        }
+        let filter = track.differentiate(velocity_only);
         let half = filter.half();
         let reversals = track.reversals(&filter, balance);
         track.doubt = reversals.iter().map(|r| r.doubt).sum::<f64>() / track.q.len() as f64;
@@ -160,8 +164,9 @@ impl Track {
         }
     }
 
-    /// Smooths with the narrowest filter that leaves little enough noise, and returns it.
-    fn differentiate(&mut self) -> Differentiator {
+    /// Smooths with the narrowest filter that leaves little enough noise, and returns it. Positions that are sums of a
+    /// measured velocity carry its noise, times the period, in every step.
+    fn differentiate(&mut self, velocity_only: bool) -> Differentiator {
         let most = ((WIDEST_FILTER / self.period) as usize).min(self.q.len() / 8);
         let mut filters = FILTERS.iter().filter(|half| **half <= most).peekable();
         loop {
@@ -172,7 +177,13 @@ impl Track {
                 .iter()
                 .map(|d| d / self.period)
                 .collect();
-            self.velocity_noise = self.position_noise * filter.noise_gain() / self.period;
+            // Noise of a measured velocity runs up in its integral.
+            let gain = if velocity_only {
+                filter.summed_noise_gain()
+            } else {
+                filter.noise_gain()
+            };
+            self.velocity_noise = self.position_noise * gain / self.period;
             let power = self.v.iter().map(|v| v * v).sum::<f64>() / self.v.len() as f64;
             if self.velocity_noise <= VELOCITY_NOISE * power.sqrt() || filters.peek().is_none() {
                 return filter;
