@@ -25,7 +25,7 @@ fn examine(recipe: &Recipe) -> (Workbench, Outcome, Case) {
         v: None,
     }];
     let model = Model::parse(&baseline_toml(recipe)).expect("a valid baseline");
-    let (bench, baseline) = identify(&recording, &model).expect("identifies");
+    let (bench, baseline) = identify(&recording, &model, Options::default()).expect("identifies");
     let outcome = diagnose(&bench, &baseline, &recording, &|_| {}).expect("diagnoses");
     (bench, outcome, made.truth)
 }
