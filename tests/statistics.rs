@@ -5,7 +5,7 @@
 mod plants;
 
 use bristle::diagnose::{Outcome, Verdict, diagnose};
-use bristle::identify::{Workbench, identify};
+use bristle::identify::{Options, Workbench, identify};
 use bristle::model::{Model, Parameter};
 use bristle::recording::Recording;
 use bristle::system;
