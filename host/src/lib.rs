@@ -2,7 +2,7 @@
 //!
 //! Data goes one way. A module uses only those before it in this order, which `tests/structure.rs` checks:
 //!
-//! format → motion → error → effects → model → recording → weak → problem → noise → linear → system → refine → dictionary → axis → step → simulate → plant → excite → bench → fit → identify → diagnose → report → cli
+//! format → motion → error → effects → model → recording → weak → problem → noise → linear → system → refine → dictionary → axis → step → simulate → plant → excite → bench → fit → identify → stream → diagnose → report → cli
 
 pub mod axis;
 pub mod bench;
@@ -26,5 +26,6 @@ pub mod refine;
 pub mod report;
 pub mod simulate;
 pub mod step;
+pub mod stream;
 pub mod system;
 pub mod weak;

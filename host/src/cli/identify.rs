@@ -1,24 +1,33 @@
 //! `bristle identify`
 
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use clap::Args;
 use serde::Serialize;
 
-use super::diagnose::{json, named, read_all};
+use super::diagnose::json;
+use super::input::{Input, named};
 use super::output::{self, Outputs};
+use super::terminal::Meter;
 use super::{DONE, Outcome, terminal};
 use crate::diagnose::{Estimates, estimates};
 use crate::fit::Fit;
-use crate::identify::identify;
+use crate::identify::{Identified, Workbench, identify};
 use crate::model::Model;
+use crate::recording::Recording;
 use crate::report;
+use crate::stream;
 
 /// Estimate the unknown parameters of a model from recordings, with standard errors
 ///
 /// Distribution-based identification (DBI): test functions turn the equation of motion into algebraic rows, so that
 /// no noisy signal is differentiated. The fit sees the first 70 % of each recording; the errors are reported for
 /// that part and for the rest.
+///
+/// Recordings of any length: those with more samples than --stream-above, together, are read piece by piece in memory that
+/// does not depend on their length. CSV files are, that is; Parquet and MATLAB files are loaded whole, and worked on in
+/// pieces.
 ///
 /// Example: bristle identify run.csv --model axis.toml --model-out fitted.toml
 #[derive(Args, Debug)]
@@ -38,6 +47,9 @@ pub(super) struct Command {
     /// Write a self-contained HTML report with plots
     #[arg(long, value_name = "OUT.html")]
     report: Option<PathBuf>,
+    /// Read recordings with more samples than this, together, piece by piece; a report then shows stretches of them
+    #[arg(long, value_name = "SAMPLES", default_value_t = stream::LONG)]
+    stream_above: usize,
 }
 
 /// What goes into the JSON.
@@ -48,6 +60,21 @@ struct Identification {
     fit: Fit,
     half_width: Vec<f64>,
     rows: usize,
+    /// Samples of all recordings, and how many of them a second went through it all, reading included.
+    samples: usize,
+    samples_per_second: f64,
+    /// Passes over recordings that were read piece by piece, beside the one that checks them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    passes: Option<usize>,
+}
+
+/// What was identified, and what a report shows of it.
+struct Found {
+    identified: Identified,
+    bench: Workbench,
+    shown: Vec<Recording>,
+    rows: usize,
+    passes: Option<usize>,
 }
 
 impl Command {
@@ -62,40 +89,68 @@ impl Command {
                 self.report.as_ref(),
             ],
         )?;
-        let progress = terminal::progress();
-        progress.set_message("reading");
+        let begun = Instant::now();
+        let progress = Meter::new();
         let model = Model::read_to_fit(&self.model)?;
-        let recordings = read_all(&self.recordings, &model)?;
-        progress.set_message("identifying");
-        let (bench, identified) =
-            identify(&recordings, &model).map_err(|e| named(e, &self.recordings, &self.model))?;
-        let problem = &bench.problem;
+        let input = Input::open(&self.recordings, &model, self.stream_above, &progress)?;
+        let samples = input.samples();
+        let found = found(input, &model, &progress)
+            .map_err(|e| named(e, &self.recordings, &self.model))?;
+        let windows = &found.bench.problem.windows;
+        let widths = windows.iter().zip(&found.bench.problem.tracks);
         let identification = Identification {
             schema: "bristle.identification/1",
-            parameters: estimates(&identified.model, None),
-            fit: identified.fit,
-            half_width: problem
-                .windows
-                .iter()
-                .zip(&problem.tracks)
-                .map(|(w, t)| w.reach as f64 * t.period)
-                .collect(),
-            rows: problem.rows.len(),
+            parameters: estimates(&found.identified.model, None),
+            fit: found.identified.fit,
+            half_width: widths.map(|(w, t)| w.reach as f64 * t.period).collect(),
+            rows: found.rows,
+            samples,
+            samples_per_second: samples as f64 / begun.elapsed().as_secs_f64(),
+            passes: found.passes,
         };
         let mut outputs = Outputs::default();
-        outputs.add(self.model_out.as_ref(), || Ok(identified.model.to_toml()))?;
+        outputs.add(self.model_out.as_ref(), || {
+            Ok(found.identified.model.to_toml())
+        })?;
         outputs.add(self.json.as_ref(), || json(&identification))?;
         outputs.add(self.report.as_ref(), || {
-            report::identification(&identified, &bench, &recordings)
+            report::identification(&found.identified, &found.bench, &found.shown)
         })?;
         let written = outputs.write()?;
-        progress.finish_and_clear();
+        progress.finish();
         terminal::identification(
             &identification.parameters,
             &identification.fit,
-            identified.model.causality,
+            found.identified.model.causality,
         );
+        terminal::throughput(samples, identification.samples_per_second);
         terminal::written(&written);
         Ok(DONE)
+    }
+}
+
+fn found(input: Input, model: &Model, progress: &Meter) -> crate::error::Result<Found> {
+    match input {
+        Input::Memory(recordings) => {
+            progress.say("identifying");
+            let (bench, identified) = identify(&recordings, model)?;
+            Ok(Found {
+                identified,
+                rows: bench.problem.rows.len(),
+                bench,
+                shown: recordings,
+                passes: None,
+            })
+        }
+        Input::Files(files) => {
+            let streamed = stream::identify(&files, model, &|done| progress.follow(done))?;
+            Ok(Found {
+                identified: streamed.identified,
+                rows: streamed.rows,
+                bench: streamed.pilot,
+                shown: streamed.stretches,
+                passes: Some(streamed.passes),
+            })
+        }
     }
 }

@@ -1,6 +1,7 @@
 //! A recording on a uniform time grid, with smoothed velocity and the direction of sliding.
 
 use super::reversal::{Drive, Reversal};
+use super::TRAIN_SHARE;
 use super::smooth::Differentiator;
 use crate::effects::{Point, Survey};
 use crate::motion::Motion;
@@ -31,6 +32,10 @@ pub struct Track {
     pub velocity_noise: f64,
     /// Share of the time in which the axis may rest at reversals without its positions showing it.
     pub doubt: f64,
+    /// First node of the held-out part.
+    pub boundary: usize,
+    /// Nodes of the whole recording, of which this may be a piece.
+    pub whole: usize,
     input: Held,
 }
 
@@ -96,6 +101,8 @@ impl Track {
         };
         let input = Held::new(t, &recording.u);
         let mut track = Self {
+            boundary: (TRAIN_SHARE * q.len() as f64) as usize,
+            whole: q.len(),
             start: t[0],
             period,
             position_noise: sample_noise,
@@ -125,6 +132,16 @@ impl Track {
         }
         track.bar_gaps(t);
         track
+    }
+
+    /// The track of a piece of a recording of `whole` samples, which is for training up to its node `boundary`.
+    #[must_use]
+    pub fn piece_of(self, whole: usize, boundary: usize) -> Self {
+        Self {
+            boundary,
+            whole,
+            ..self
+        }
     }
 
     /// Mean of the input over every cell if it acts `delay` seconds later than recorded.
