@@ -1,14 +1,14 @@
 //! Identification of recordings that are too long to be held in memory.
 //!
 //! 1. A pilot: stretches spread evenly over the training parts are identified like recordings of their own. They give the
-//!    width of the windows, the side of the response, the law of the noise and values to start from.
+//!    width of the windows, the filter of the velocity, the side of the response, the law of the noise and values to start
+//!    from.
 //! 2. Passes: the whole of the recordings goes by in pieces that overlap. The whitened residual and its Jacobian at
 //!    the present values of the parameters add up to normal equations, and their solution is a Gauss-Newton step for all
 //!    rows together. The pass after which the step would no longer matter has the values that are reported, and
 //!    their errors on the training and the held-out parts.
 //!
-//! A piece shares nothing with others but the width of its windows and the law of the noise: the filter of its velocity
-//! and the functions that tell outliers from the rest are its own. So memory depends on the length of a piece alone.
+//! The functions that tell outliers from the rest are each piece's own. So memory depends on the length of a piece alone.
 
 mod cut;
 mod pass;

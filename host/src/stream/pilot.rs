@@ -8,7 +8,7 @@ use crate::model::Model;
 use crate::noise::Law;
 use crate::problem::Response;
 use crate::recording::{Long, Recording};
-use crate::weak::{Balance, TRAIN_SHARE, Track};
+use crate::weak::{Balance, Smoothing, TRAIN_SHARE, Track};
 
 /// Samples of the selection.
 const SAMPLES: usize = 1 << 17;
@@ -22,6 +22,7 @@ pub struct Plan {
     pub response: Response,
     pub law: Law,
     pub balance: Option<Balance>,
+    pub smoothing: Option<Smoothing>,
 }
 
 pub(super) struct Pilot {
@@ -36,10 +37,15 @@ impl Pilot {
     pub fn new(recordings: &[Long], model: &Model) -> Result<Self> {
         let (stretches, wholes): (Vec<Recording>, Vec<usize>) =
             read(recordings, TRAIN_SHARE)?.into_iter().unzip();
+        let alone = |r| Track::new(r, model.motion, None);
+        let alone: Vec<Track> = stretches.iter().map(alone).collect();
+        let smoothing = Smoothing::of(&alone, stretches.iter().any(|r| r.q.is_none()));
+        drop(alone);
         let bench = Workbench::of(model, |balance| {
             let track = |(r, &whole): (&Recording, &usize)| {
+                let track = Track::smoothed(r, model.motion, balance, smoothing);
                 // All of a stretch is for training; the held-out parts are elsewhere.
-                Track::new(r, model.motion, balance).piece_of(whole, usize::MAX)
+                track.piece_of(whole, usize::MAX)
             };
             stretches.iter().zip(&wholes).map(track).collect()
         })?;
@@ -53,6 +59,7 @@ impl Pilot {
             response: problem.response,
             law: bench.noise.law.clone(),
             balance: bench.balance,
+            smoothing,
         };
         Ok(Self {
             stretches,

@@ -18,7 +18,7 @@ pub(super) type Share = (Normal, [Sums; 2]);
 
 /// The share of a piece at the present values of a model.
 pub(super) fn share(piece: &Piece, plan: &Plan, model: &Model) -> Result<Share> {
-    let track = Track::new(&piece.recording, model.motion, plan.balance);
+    let track = Track::smoothed(&piece.recording, model.motion, plan.balance, plan.smoothing);
     let node = (piece.boundary < piece.recording.len()).then(|| {
         let time = piece.recording.t[piece.boundary] - track.start;
         (time / track.period).round() as usize
