@@ -29,7 +29,13 @@ viscous = 0.02
 const PERIOD: f64 = 1e-3;
 const COUNTS: f64 = 4096.0;
 /// Amplitude, N·m, and frequency, Hz, of the sines; no period is a multiple of another.
-const SINES: [(f64, f64); 5] = [(0.25, 0.21), (0.2, 0.57), (0.2, 1.31), (0.15, 2.73), (0.1, 4.93)];
+const SINES: [(f64, f64); 5] = [
+    (0.25, 0.21),
+    (0.2, 0.57),
+    (0.2, 1.31),
+    (0.15, 2.73),
+    (0.1, 4.93),
+];
 /// RMS of the unrecorded torque, N·m: 2 % of that of the sines.
 const LOAD: f64 = 0.0059;
 

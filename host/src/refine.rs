@@ -239,12 +239,7 @@ impl Normal {
         let evaluate = |model: &Model| counted(problem, model, noise, clusters);
         let jacobian = jacobian(model, &free_parameters(model), &evaluate);
         let clusters: Vec<usize> = clusters.iter().copied().flatten().collect();
-        Self::new(
-            &jacobian,
-            &evaluate(model),
-            &clusters,
-            noise.encoder_energy,
-        )
+        Self::new(&jacobian, &evaluate(model), &clusters, noise.encoder_energy)
     }
 
     /// Adds other rows.

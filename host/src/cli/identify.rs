@@ -94,8 +94,8 @@ impl Command {
         let model = Model::read_to_fit(&self.model)?;
         let input = Input::open(&self.recordings, &model, self.stream_above, &progress)?;
         let samples = input.samples();
-        let found = found(input, &model, &progress)
-            .map_err(|e| named(e, &self.recordings, &self.model))?;
+        let found =
+            found(input, &model, &progress).map_err(|e| named(e, &self.recordings, &self.model))?;
         let windows = &found.bench.problem.windows;
         let widths = windows.iter().zip(&found.bench.problem.tracks);
         let identification = Identification {

@@ -159,7 +159,11 @@ impl<'a, R: Read + Seek> Rows<'a, R> {
         }
     }
 
-    fn values(&self, values: &mut [f64], earlier: Option<f64>) -> std::result::Result<(), Complaint> {
+    fn values(
+        &self,
+        values: &mut [f64],
+        earlier: Option<f64>,
+    ) -> std::result::Result<(), Complaint> {
         self.check_width()?;
         // With another delimiter than the comma, a comma inside a number can only be a decimal comma.
         let decimal_comma = self.layout.delimiter != b',';

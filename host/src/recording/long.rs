@@ -200,7 +200,9 @@ impl Reader<'_> {
             to.t.push(values[0]);
             to.u.push(values[1]);
             let measured = to.q.iter_mut().chain(to.v.iter_mut());
-            measured.zip(&values[2..]).for_each(|(x, value)| x.push(*value));
+            measured
+                .zip(&values[2..])
+                .for_each(|(x, value)| x.push(*value));
         }
         self.next += count;
         Ok(())

@@ -77,10 +77,7 @@ pub(super) fn line_at(file: &mut (impl Read + Seek), at: u64) -> io::Result<usiz
 }
 
 /// The first line from byte `at` on that is neither empty nor a comment: its number and its text.
-pub(super) fn first_line(
-    file: &mut (impl Read + Seek),
-    at: u64,
-) -> io::Result<(usize, String)> {
+pub(super) fn first_line(file: &mut (impl Read + Seek), at: u64) -> io::Result<(usize, String)> {
     let mut number = line_at(file, at)?;
     file.seek(SeekFrom::Start(at))?;
     let mut lines = BufReader::new(file);

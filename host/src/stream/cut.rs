@@ -27,7 +27,11 @@ impl Sizes {
     pub fn new(long: &Long, half_width: f64) -> Self {
         let even = (long.end - long.start) / (long.samples - 1) as f64;
         // A few pauses leave the median as the rate.
-        let period = if even < 1.01 * long.period { even } else { long.period };
+        let period = if even < 1.01 * long.period {
+            even
+        } else {
+            long.period
+        };
         let reach = ((half_width / period).round() as usize).max(1);
         // Pieces begin where a window of the whole recording would, so that the windows of all are those of the whole.
         let hop = (reach / 4).max(1);
@@ -88,7 +92,11 @@ impl<'a> Cutter<'a> {
 
     /// The next piece; `None` after the last.
     pub fn next(&mut self) -> Result<Option<Piece>> {
-        let Sizes { core, margin, reach } = self.sizes;
+        let Sizes {
+            core,
+            margin,
+            reach,
+        } = self.sizes;
         let samples = self.long.samples;
         if self.core >= samples {
             return Ok(None);
@@ -122,7 +130,11 @@ impl<'a> Cutter<'a> {
         let mut runs = Vec::new();
         while self.run < end {
             let held_out = self.run >= boundary;
-            let latest = if held_out { usize::MAX } else { boundary - self.first };
+            let latest = if held_out {
+                usize::MAX
+            } else {
+                boundary - self.first
+            };
             let first = self.run - self.first;
             let last = fit::window_end(&self.buffer.t, first, HORIZON).min(latest);
             runs.push((first..last, held_out));
@@ -134,7 +146,10 @@ impl<'a> Cutter<'a> {
     fn drop_before(&mut self, sample: usize) {
         let count = sample - self.first;
         let Recording { t, u, q, v, .. } = &mut self.buffer;
-        for signal in [Some(t), Some(u), q.as_mut(), v.as_mut()].into_iter().flatten() {
+        for signal in [Some(t), Some(u), q.as_mut(), v.as_mut()]
+            .into_iter()
+            .flatten()
+        {
             signal.drain(..count);
         }
         self.first = sample;

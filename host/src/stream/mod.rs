@@ -22,8 +22,8 @@ use crate::model::Model;
 use crate::recording::{Long, Recording};
 use crate::refine::{Normal, free_parameters, moved, put_errors};
 
-pub use pilot::stretches;
 use pilot::Pilot;
+pub use pilot::stretches;
 
 /// Recordings with more samples than this, together, are read piece by piece. Identification holds some 700 bytes for each
 /// sample of what it works on, which makes 180 MB of this many.

@@ -39,7 +39,9 @@ pub(super) fn run(
         drop((queue, done));
         let total = add_up(shares, free_parameters(model).len(), progress);
         let read = reader.join().unwrap_or_else(|_| {
-            Err(Error::Internal("the reading of recordings stopped".to_owned()))
+            Err(Error::Internal(
+                "the reading of recordings stopped".to_owned(),
+            ))
         });
         read.and(total)
     })
@@ -66,7 +68,9 @@ type Done = (usize, usize, Result<Share>);
 fn work(queue: &Mutex<Receiver<(usize, Piece)>>, done: &Sender<Done>, plan: &Plan, model: &Model) {
     loop {
         let next = queue.lock().map(|queue| queue.recv());
-        let Ok(Ok((number, piece))) = next else { return };
+        let Ok(Ok((number, piece))) = next else {
+            return;
+        };
         let share = share(&piece, plan, model);
         if done.send((number, piece.core.len(), share)).is_err() {
             return;

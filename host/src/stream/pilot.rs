@@ -132,7 +132,11 @@ mod tests {
         let samples: usize = selected.iter().map(|(_, range)| range.len()).sum();
         assert_eq!(samples, SAMPLES);
         assert!(selected[11].1.end <= 3_000_000 && selected[15].1.end <= 1_000_000);
-        assert!(selected.windows(2).all(|w| w[0].0 < w[1].0 || w[0].1.end < w[1].1.start));
+        assert!(
+            selected
+                .windows(2)
+                .all(|w| w[0].0 < w[1].0 || w[0].1.end < w[1].1.start)
+        );
     }
 
     #[test]

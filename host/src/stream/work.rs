@@ -57,8 +57,16 @@ fn clusters(piece: &Piece, problem: &Problem) -> Vec<Option<usize>> {
     let track = &problem.tracks[0];
     // Neighbouring pieces share no row and miss none: the instants that part them lie between two samples.
     let instant = |sample: usize| piece.recording.t[sample] - 0.5 * track.period;
-    let from = if piece.outer.0 { f64::NEG_INFINITY } else { instant(piece.core.start) };
-    let to = if piece.outer.1 { f64::INFINITY } else { instant(piece.core.end) };
+    let from = if piece.outer.0 {
+        f64::NEG_INFINITY
+    } else {
+        instant(piece.core.start)
+    };
+    let to = if piece.outer.1 {
+        f64::INFINITY
+    } else {
+        instant(piece.core.end)
+    };
     let length = system::block(piece.training);
     let mut last = None;
     let mut count = 0;

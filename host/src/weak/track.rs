@@ -1,7 +1,7 @@
 //! A recording on a uniform time grid, with smoothed velocity and the direction of sliding.
 
-use super::reversal::{Drive, Reversal};
 use super::TRAIN_SHARE;
+use super::reversal::{Drive, Reversal};
 use super::smooth::Differentiator;
 use crate::effects::{Point, Survey};
 use crate::motion::Motion;
@@ -63,7 +63,10 @@ impl Smoothing {
             position_noise * gain(&Differentiator::new(*half), velocity_only) / period <= limit
         };
         let usable = || FILTERS.iter().copied().filter(|half| *half <= most);
-        let half = usable().find(quiet).or(usable().last()).unwrap_or(FILTERS[0]);
+        let half = usable()
+            .find(quiet)
+            .or(usable().last())
+            .unwrap_or(FILTERS[0]);
         Some(Self {
             half_width: half as f64 * period,
             position_noise,
