@@ -5,8 +5,9 @@ use std::rc::Rc;
 use crate::dictionary::Dictionary;
 use crate::error::{Error, Result};
 use crate::fit::{self, Fit};
+use crate::format::{quantity, whole_percent};
 use crate::linear;
-use crate::model::{Causality, Model, Parameter};
+use crate::model::{Causality, Model, Parameter, Term};
 use crate::noise::Noise;
 use crate::problem::{Problem, Response};
 use crate::recording::Recording;
@@ -19,6 +20,9 @@ use crate::weak::{Balance, Part, Track};
 const HALF_WIDTHS: [f64; 4] = [0.07, 0.1, 0.14, 0.2];
 /// Samples under half a test function at least: below, the trapezoidal sums lose their accuracy.
 const FEWEST_SAMPLES: usize = 8;
+/// Encoder noise in `∫q φ̈` falls with the width to the power −5/2, everything else with −1/2 at most. Where it makes up
+/// this share of the residual variance or less, widening gains little precision and loses resolution in time.
+const MOST_ENCODER_SHARE: f64 = 1.0 / 3.0;
 /// Rows that a fit needs at least.
 const FEWEST_ROWS: usize = 40;
 
@@ -38,9 +42,64 @@ pub struct Workbench {
     pub dictionary: Dictionary,
     /// What it takes to move the axis, where the drive was asked how long it rests.
     pub balance: Option<Balance>,
+    /// How wide the windows are, and why.
+    pub width: Width,
     /// Inertia found with all generic functions in: what a model falls back to that leaves so much out that its own
     /// inertia would be negative.
     robust_inertia: Option<f64>,
+}
+
+/// What the user decides instead of the tool.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Options {
+    /// Half-width of the test functions, s.
+    pub half_width: Option<f64>,
+}
+
+/// A half-width that was tried.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Tried {
+    /// Half-width of the test functions, s.
+    pub half_width: f64,
+    /// Windows in the training part.
+    pub rows: usize,
+    /// Share of the residual variance that encoder noise accounts for; none where there are too few windows to tell.
+    pub encoder_share: Option<f64>,
+}
+
+/// The choice of the windows.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Width {
+    /// What was tried, the last of it chosen.
+    pub tried: Vec<Tried>,
+    /// Whether the user chose.
+    pub asked: bool,
+}
+
+impl Width {
+    /// The choice in a sentence.
+    pub fn reason(&self) -> String {
+        let Some(chosen) = self.tried.last() else {
+            return String::new();
+        };
+        let why = match (self.asked, chosen.encoder_share) {
+            (true, _) => "as asked for".to_owned(),
+            (_, None) => "as the recording is too short for more".to_owned(),
+            (_, Some(share)) if share <= MOST_ENCODER_SHARE => format!(
+                "the narrowest at which encoder noise makes up less than a third of the residual variance ({})",
+                whole_percent(share)
+            ),
+            (_, Some(share)) => format!(
+                "the widest, as encoder noise makes up {} of the residual variance",
+                whole_percent(share)
+            ),
+        };
+        format!(
+            "Test functions of half-width {}, {why}; {} windows.",
+            quantity(1e3 * chosen.half_width, "ms"),
+            chosen.rows
+        )
+    }
 }
 
 /// A model with estimated values, and how well it predicts.
@@ -54,23 +113,31 @@ pub struct Identified {
 }
 
 /// Fits a model to recordings.
-pub fn identify(recordings: &[Recording], model: &Model) -> Result<(Workbench, Identified)> {
-    let bench = Workbench::new(recordings, model)?;
+pub fn identify(
+    recordings: &[Recording],
+    model: &Model,
+    options: Options,
+) -> Result<(Workbench, Identified)> {
+    let bench = Workbench::new(recordings, model, options)?;
     let identified = bench.fit(model, recordings)?;
     Ok((bench, identified))
 }
 
 impl Workbench {
     /// Chooses the width of the windows, lays them out and estimates the noise.
-    pub fn new(recordings: &[Recording], model: &Model) -> Result<Self> {
-        Self::of(model, |balance| {
+    pub fn new(recordings: &[Recording], model: &Model, options: Options) -> Result<Self> {
+        Self::of(model, options, |balance| {
             Problem::tracks(recordings, model.motion, balance)
         })
     }
 
     /// The same for tracks that are made by whatever means.
-    pub fn of(model: &Model, make: impl Fn(Option<Balance>) -> Vec<Track>) -> Result<Self> {
-        let bench = Self::on(&make(None), model)?;
+    pub fn of(
+        model: &Model,
+        options: Options,
+        make: impl Fn(Option<Balance>) -> Vec<Track>,
+    ) -> Result<Self> {
+        let bench = Self::on(&make(None), model, options)?;
         let doubt = bench
             .problem
             .tracks
@@ -79,7 +146,7 @@ impl Workbench {
             .fold(0.0, f64::max);
         match bench.balance(model)? {
             Some(balance) if doubt > LEAST_DOUBT => {
-                let bench = Self::on(&make(Some(balance)), model)?;
+                let bench = Self::on(&make(Some(balance)), model, options)?;
                 Ok(Self {
                     balance: Some(balance),
                     ..bench
@@ -122,9 +189,9 @@ impl Workbench {
         Ok(usable.then_some(balance))
     }
 
-    fn on(tracks: &[Track], model: &Model) -> Result<Self> {
+    fn on(tracks: &[Track], model: &Model, options: Options) -> Result<Self> {
         let dictionary = Dictionary::new(tracks);
-        let mut problem = choose_width(tracks, &dictionary, model)?;
+        let (mut problem, width) = choose_width(tracks, &dictionary, model, options)?;
         let train = problem.count(Part::Train);
         if train < FEWEST_ROWS {
             return Err(Error::NotIdentifiable(format!(
@@ -145,6 +212,7 @@ impl Workbench {
             folds,
             noise,
             dictionary,
+            width,
             robust_inertia,
         })
     }
@@ -152,12 +220,10 @@ impl Workbench {
     /// Estimates all unknown parameters of a model: linear start, scan of inner parameters, joint refinement.
     pub fn estimate(&self, model: &Model) -> Result<(Model, f64)> {
         let mut model = self.scan(with_starts(&self.problem, model))?;
-        let system = System::new(&self.problem, &model)?;
-        let score = system
-            .whitened(&self.noise)
-            .score(&self.folds)
-            .ok_or_else(|| undetermined(&model))?;
-        system.decode(&score.beta, &mut model);
+        self.solve(&mut model)?;
+        if let Some(bent) = self.bend(&model) {
+            model = bent;
+        }
         if model.inertia.value.is_some_and(|j| j <= 0.0) && !model.inertia.known {
             return self.with_inertia(self.fallback_inertia(&model)?, model);
         }
@@ -174,6 +240,105 @@ impl Workbench {
         }
         let chi2 = refine::refine(&self.problem, &mut model, &self.noise, &self.folds);
         Ok((model, chi2))
+    }
+
+    /// Gives the linear parameters of a model their values.
+    fn solve(&self, model: &mut Model) -> Result<f64> {
+        let system = System::new(&self.problem, model)?;
+        let score = system
+            .whitened(&self.noise)
+            .score(&self.folds)
+            .ok_or_else(|| undetermined(model))?;
+        system.decode(&score.beta, model);
+        Ok(score.chi2)
+    }
+
+    /// The last step of the hierarchy: the breakaway distance of bristles that fits best, together with the Stribeck
+    /// velocity where that is unknown. `None` where there is nothing to find, or nothing that physics allows.
+    fn bend(&self, model: &Model) -> Option<Model> {
+        let bristles = model.bristle_term()?;
+        let free = |term: usize| {
+            let inner = model.terms[term].effect.inner()?;
+            let parameter = &model.terms[term].parameters[inner];
+            (!parameter.known && parameter.se.is_none()).then_some(inner)
+        };
+        let stiffness = free(bristles)?;
+        let fall = model.terms.iter().position(Term::falls);
+        let velocity = fall.and_then(|k| free(k).map(|inner| (k, inner)));
+        // What the motion does to bristles depends on the ratios of stiffness and levels alone. Sliding levels found
+        // without bristles can be anything where most of the motion is bending, so ratios come first.
+        let mut scaled = model.clone();
+        if !model.coulomb.known {
+            scaled.coulomb.value = Some(1.0);
+        }
+        if let Some(level) = fall.map(|k| &mut scaled.terms[k].parameters[0])
+            && !level.known
+        {
+            level.value = scaled.coulomb.value;
+        }
+        let survey = self.problem.survey(&scaled);
+        let velocities = velocity.map_or(vec![None], |(k, inner)| {
+            let grid = model.terms[k].effect.grid(&survey).into_iter();
+            grid.map(|v| Some((k, inner, v))).collect()
+        });
+        let mut best: Option<(f64, Model)> = None;
+        for start in model.terms[bristles].effect.grid(&survey) {
+            for velocity in &velocities {
+                let mut model = scaled.clone();
+                model.terms[bristles].parameters[stiffness].value = Some(start);
+                if let Some((k, inner, v)) = *velocity {
+                    model.terms[k].parameters[inner].value = Some(v);
+                }
+                let level = survey.coulomb;
+                let Some((chi2, mut model)) = self.solve_undamped(model, bristles) else {
+                    continue;
+                };
+                let ratio = model.coulomb.value.unwrap_or_default() / level;
+                if ratio > 0.0 && best.as_ref().is_none_or(|(least, _)| chi2 < *least) {
+                    model.terms[bristles].parameters[stiffness].value = Some(start * ratio);
+                    best = Some((chi2, model));
+                }
+            }
+        }
+        if let Some((_, model)) = best {
+            return Some(model);
+        }
+        // Nothing shows them: next to stiff, with an error without bound.
+        let mut stiff = model.clone();
+        let stiffest = model.terms[bristles].effect.grid(&survey).last().copied()?;
+        let level = model.coulomb.value.unwrap_or_default().max(0.0);
+        for (k, parameter) in stiff.terms[bristles].parameters.iter_mut().enumerate() {
+            if !parameter.known {
+                let value = if k == stiffness {
+                    stiffest * level / survey.coulomb
+                } else {
+                    0.0
+                };
+                (parameter.value, parameter.se) = (Some(value), Some(f64::INFINITY));
+            }
+        }
+        Some(stiff)
+    }
+
+    /// The linear parameters of a model with given bristles, these without damping if it would be negative.
+    fn solve_undamped(&self, mut model: Model, bristles: usize) -> Option<(f64, Model)> {
+        let chi2 = self.solve(&mut model).ok()?;
+        match system::inadmissible(&model) {
+            None => Some((chi2, model)),
+            Some(term) if term == bristles => {
+                let damping = model.terms[bristles].parameters.last_mut()?;
+                let free = std::mem::replace(damping, Parameter::known(0.0));
+                let chi2 = self.solve(&mut model).ok()?;
+                *model.terms[bristles].parameters.last_mut()? = Parameter {
+                    value: Some(0.0),
+                    ..free
+                };
+                system::inadmissible(&model)
+                    .is_none()
+                    .then_some((chi2, model))
+            }
+            Some(_) => None,
+        }
     }
 
     /// The inertia to take where a model leaves so much out that its own estimate is negative.
@@ -236,12 +401,12 @@ impl Workbench {
                 continue;
             };
             let parameter = &model.terms[term].parameters[inner];
-            if parameter.known || parameter.se.is_some() {
+            if model.terms[term].bends() || parameter.known || parameter.se.is_some() {
                 continue;
             }
             let parameter = parameter.clone();
             let mut best: Option<(f64, f64)> = None;
-            for value in effect.grid(&self.problem.survey()) {
+            for value in effect.grid(&self.problem.survey(&model)) {
                 let value = parameter.clamp(value);
                 model.terms[term].parameters[inner].value = Some(value);
                 let system = System::new(&self.problem, &model)?;
@@ -262,18 +427,20 @@ impl Workbench {
     }
 }
 
-/// The model with a middle-of-the-grid value for each inner parameter that has none.
+/// The model with a middle-of-the-grid value for each inner parameter that has none; bristles wait for the level that
+/// they yield at.
 fn with_starts(problem: &Problem, model: &Model) -> Model {
     let mut model = model.clone();
-    let survey = problem.survey();
+    let survey = problem.survey(&model);
     for term in &mut model.terms {
         if let Some((shape, start)) = term.effect.shape() {
             let parameter = &mut term.parameters[shape];
             parameter.value = Some(parameter.value.unwrap_or_else(|| parameter.clamp(start)));
         }
         if let Some(inner) = term.effect.inner() {
+            let stiff = term.bends();
             let parameter = &mut term.parameters[inner];
-            if parameter.value.is_none() {
+            if parameter.value.is_none() && !stiff {
                 let grid = term.effect.grid(&survey);
                 parameter.value = Some(parameter.clamp(grid[grid.len() / 2]));
             }
@@ -394,11 +561,14 @@ pub fn follow_everything(
     Ok((residual, columns.len()))
 }
 
-/// The tracks under windows of the narrowest width at which the encoder's noise no longer dominates.
-///
-/// Encoder noise in `∫q φ̈` falls with the width to the power −5/2, everything else with −1/2 at most. Where it makes
-/// up a third of the residual variance or less, widening gains little precision and loses resolution in time.
-fn choose_width(tracks: &[Track], dictionary: &Dictionary, model: &Model) -> Result<Problem> {
+/// The tracks under windows of the narrowest width at which the encoder's noise no longer dominates, or of the width
+/// asked for.
+fn choose_width(
+    tracks: &[Track],
+    dictionary: &Dictionary,
+    model: &Model,
+    options: Options,
+) -> Result<(Problem, Width)> {
     let reach = |track: &Track, width: f64| {
         let most = (track.whole / 40).max(FEWEST_SAMPLES);
         ((width / track.period).round() as usize).clamp(FEWEST_SAMPLES, most)
@@ -412,15 +582,30 @@ fn choose_width(tracks: &[Track], dictionary: &Dictionary, model: &Model) -> Res
             Response::Acceleration,
         )
     };
-    for width in HALF_WIDTHS {
+    let widths = options.half_width.map_or(HALF_WIDTHS.to_vec(), |w| vec![w]);
+    let mut chosen = Width {
+        tried: Vec::new(),
+        asked: options.half_width.is_some(),
+    };
+    let last = widths.len() - 1;
+    for (k, width) in widths.into_iter().enumerate() {
         let problem = problem(width);
-        if problem.count(Part::Train) < FEWEST_ROWS
-            || encoder_share(&problem, dictionary, model)? <= 1.0 / 3.0
-        {
-            return Ok(problem);
+        let rows = problem.count(Part::Train);
+        let encoder_share = if rows < FEWEST_ROWS {
+            None
+        } else {
+            Some(encoder_share(&problem, dictionary, model)?)
+        };
+        chosen.tried.push(Tried {
+            half_width: problem.half_width(),
+            rows,
+            encoder_share,
+        });
+        if k == last || encoder_share.is_none_or(|share| share <= MOST_ENCODER_SHARE) {
+            return Ok((problem, chosen));
         }
     }
-    Ok(problem(HALF_WIDTHS[HALF_WIDTHS.len() - 1]))
+    Err(Error::Internal("no width of windows to try".to_owned()))
 }
 
 /// Share of the residual variance that encoder noise accounts for.

@@ -8,6 +8,7 @@ use serde::Serialize;
 use super::input::{Input, named};
 use super::output::{self, Outputs};
 use super::terminal::Meter;
+use super::windows::Windows;
 use super::{DONE, Outcome, terminal};
 use crate::diagnose::{Diagnosis, Verdict, diagnose};
 use crate::error::Error;
@@ -47,6 +48,8 @@ pub(super) struct Command {
     /// Write a self-contained HTML report with plots
     #[arg(long, value_name = "OUT.html")]
     report: Option<PathBuf>,
+    #[command(flatten)]
+    windows: Windows,
     /// Exit with status 3 when the model leaves something out, for use in a pipeline
     #[arg(long)]
     check: bool,
@@ -90,8 +93,8 @@ impl Command {
         };
         let diagnosed = recordings.iter().map(Recording::len).sum();
         progress.say("fitting the baseline");
-        let (bench, baseline) =
-            identify(&recordings, &model).map_err(|e| named(e, &self.recordings, &self.model))?;
+        let (bench, baseline) = identify(&recordings, &model, self.windows.options()?)
+            .map_err(|e| named(e, &self.recordings, &self.model))?;
         let outcome = diagnose(&bench, &baseline, &recordings, &|what| {
             progress.say(what);
         })
@@ -130,6 +133,7 @@ impl Command {
             model_out: Some(folder.join("diagnosed.toml")),
             json: Some(folder.join("diagnosis.json")),
             report: Some(folder.join("report.html")),
+            windows: Windows::default(),
             check: false,
         }
     }

@@ -10,10 +10,11 @@ use super::diagnose::json;
 use super::input::{Input, named};
 use super::output::{self, Outputs};
 use super::terminal::Meter;
+use super::windows::Windows;
 use super::{DONE, Outcome, terminal};
 use crate::diagnose::{Estimates, estimates};
 use crate::fit::Fit;
-use crate::identify::{Identified, Workbench, identify};
+use crate::identify::{Identified, Options, Tried, Workbench, identify};
 use crate::model::Model;
 use crate::recording::Recording;
 use crate::report;
@@ -50,6 +51,8 @@ pub(super) struct Command {
     /// Read recordings with more samples than this, together, piece by piece; a report then shows stretches of them
     #[arg(long, value_name = "SAMPLES", default_value_t = stream::LONG)]
     stream_above: usize,
+    #[command(flatten)]
+    windows: Windows,
 }
 
 /// What goes into the JSON.
@@ -60,12 +63,20 @@ struct Identification {
     fit: Fit,
     half_width: Vec<f64>,
     rows: usize,
+    windows: Choice,
     /// Samples of all recordings, and how many of them a second went through it all, reading included.
     samples: usize,
     samples_per_second: f64,
     /// Passes over recordings that were read piece by piece, beside the one that checks them.
     #[serde(skip_serializing_if = "Option::is_none")]
     passes: Option<usize>,
+}
+
+/// Why the windows are what they are.
+#[derive(Serialize)]
+struct Choice {
+    reason: String,
+    tried: Vec<Tried>,
 }
 
 /// What was identified, and what a report shows of it.
@@ -94,8 +105,8 @@ impl Command {
         let model = Model::read_to_fit(&self.model)?;
         let input = Input::open(&self.recordings, &model, self.stream_above, &progress)?;
         let samples = input.samples();
-        let found =
-            found(input, &model, &progress).map_err(|e| named(e, &self.recordings, &self.model))?;
+        let found = found(input, &model, self.windows.options()?, &progress)
+            .map_err(|e| named(e, &self.recordings, &self.model))?;
         let windows = &found.bench.problem.windows;
         let widths = windows.iter().zip(&found.bench.problem.tracks);
         let identification = Identification {
@@ -107,6 +118,10 @@ impl Command {
             samples,
             samples_per_second: samples as f64 / begun.elapsed().as_secs_f64(),
             passes: found.passes,
+            windows: Choice {
+                reason: found.bench.width.reason(),
+                tried: found.bench.width.tried.clone(),
+            },
         };
         let mut outputs = Outputs::default();
         outputs.add(self.model_out.as_ref(), || {
@@ -122,6 +137,7 @@ impl Command {
             &identification.parameters,
             &identification.fit,
             found.identified.model.causality,
+            &identification.windows.reason,
         );
         terminal::throughput(samples, identification.samples_per_second);
         terminal::written(&written);
@@ -129,11 +145,16 @@ impl Command {
     }
 }
 
-fn found(input: Input, model: &Model, progress: &Meter) -> crate::error::Result<Found> {
+fn found(
+    input: Input,
+    model: &Model,
+    options: Options,
+    progress: &Meter,
+) -> crate::error::Result<Found> {
     match input {
         Input::Memory(recordings) => {
             progress.say("identifying");
-            let (bench, identified) = identify(&recordings, model)?;
+            let (bench, identified) = identify(&recordings, model, options)?;
             Ok(Found {
                 identified,
                 rows: bench.problem.rows.len(),
@@ -143,7 +164,7 @@ fn found(input: Input, model: &Model, progress: &Meter) -> crate::error::Result<
             })
         }
         Input::Files(files) => {
-            let streamed = stream::identify(&files, model, &|done| progress.follow(done))?;
+            let streamed = stream::identify(&files, model, options, &|done| progress.follow(done))?;
             Ok(Found {
                 identified: streamed.identified,
                 rows: streamed.rows,

@@ -9,6 +9,7 @@ mod input;
 mod output;
 mod simulate;
 mod terminal;
+mod windows;
 
 use clap::{Parser, Subcommand};
 

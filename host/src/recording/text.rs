@@ -71,7 +71,7 @@ pub(super) fn line_at(file: &mut (impl Read + Seek), at: u64) -> io::Result<usiz
         if count == 0 {
             return Ok(line);
         }
-        line += bytes.iter().filter(|&&b| b == b'\n').count();
+        line += bytes.split(|&b| b == b'\n').count() - 1;
         before.consume(count);
     }
 }

@@ -17,10 +17,12 @@ mod work;
 
 use crate::error::Result;
 use crate::fit::{Fit, Sums};
-use crate::identify::{Identified, Workbench};
-use crate::model::Model;
+use crate::identify::{Identified, Options, Workbench};
+use crate::model::{Model, Parameter};
+use crate::normal::Normal;
 use crate::recording::{Long, Recording};
-use crate::refine::{Normal, free_parameters, moved, put_errors};
+use crate::refine::{free_parameters, moved};
+use crate::uncertainty;
 
 use pilot::Pilot;
 pub use pilot::stretches;
@@ -63,6 +65,7 @@ pub struct Streamed {
 pub fn identify(
     recordings: &[Long],
     model: &Model,
+    options: Options,
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<Streamed> {
     progress(Progress::Pilot);
@@ -71,7 +74,7 @@ pub fn identify(
         bench,
         model: mut start,
         plan,
-    } = Pilot::new(recordings, model)?;
+    } = Pilot::new(recordings, model, options)?;
     let taken = fix_taken(&mut start);
     let mut descent = Descent::new(start);
     let samples = recordings.iter().map(|r| r.samples).sum();
@@ -86,11 +89,10 @@ pub fn identify(
     };
     let mut model = descent.model;
     let chi2 = normal.objective(&model);
-    if let Some(errors) = normal.errors() {
-        put_errors(&mut model, &errors);
-    }
-    for k in taken {
-        model.parameters_mut()[k].known = false;
+    let free = free_parameters(&model);
+    uncertainty::assess(&mut model, &free, &normal);
+    for (k, parameter) in taken {
+        *model.parameters_mut()[k] = parameter;
     }
     let identified = Identified {
         model,
@@ -107,13 +109,13 @@ pub fn identify(
 }
 
 /// Parameters that the pilot took rather than estimated, without a bound on their errors, stay as they are.
-fn fix_taken(model: &mut Model) -> Vec<usize> {
+fn fix_taken(model: &mut Model) -> Vec<(usize, Parameter)> {
     let taken = |se: Option<f64>| se == Some(f64::INFINITY);
     let mut fixed = Vec::new();
     for (k, parameter) in model.parameters_mut().into_iter().enumerate() {
         if !parameter.known && taken(parameter.se) {
+            fixed.push((k, parameter.clone()));
             parameter.known = true;
-            fixed.push(k);
         }
     }
     fixed
@@ -130,9 +132,11 @@ fn judged(sums: &[Sums; 2]) -> Fit {
 /// Gauss-Newton steps, each halved until it lowers the objective.
 struct Descent {
     model: Model,
-    /// Where the last step was taken from, its objective there, the step and the share of it that was taken.
-    before: Option<(Model, f64, Vec<(usize, f64)>, f64)>,
+    before: Option<Taken>,
 }
+
+/// Where the last step was taken from, the objective there, the step and the share of it that was taken.
+type Taken = (Model, f64, Vec<(usize, f64)>, f64);
 
 impl Descent {
     fn new(model: Model) -> Self {
@@ -155,7 +159,8 @@ impl Descent {
             self.before = Some((model, objective, step, 0.5 * share));
             return true;
         }
-        let (Some(step), Some(errors)) = (normal.step(&self.model), normal.errors()) else {
+        let free = free_parameters(&self.model);
+        let (Some(step), Some(errors)) = (normal.step(&self.model, &free), normal.errors()) else {
             return false;
         };
         let Some((share, next)) = (0..6)
@@ -164,13 +169,10 @@ impl Descent {
         else {
             return false;
         };
-        let matters = free_parameters(&self.model)
-            .into_iter()
-            .zip(&errors)
-            .any(|(k, se)| {
-                let value = |model: &Model| model.parameters()[k].value.unwrap_or(0.0);
-                (value(&next) - value(&self.model)).abs() > SETTLED * se
-            });
+        let matters = free.into_iter().zip(&errors).any(|(k, se)| {
+            let value = |model: &Model| model.parameters()[k].value.unwrap_or(0.0);
+            (value(&next) - value(&self.model)).abs() > SETTLED * se
+        });
         if matters {
             let model = std::mem::replace(&mut self.model, next);
             self.before = Some((model, now, step, share));

@@ -12,8 +12,9 @@ use super::work::{Share, share};
 use crate::error::{Error, Result};
 use crate::fit::Sums;
 use crate::model::Model;
+use crate::normal::Normal;
 use crate::recording::Long;
-use crate::refine::{Normal, free_parameters};
+use crate::refine::free_parameters;
 
 /// Threads that work, at most: each holds a piece.
 const WORKERS: usize = 4;
@@ -30,7 +31,7 @@ pub(super) fn run(
     let queue = Arc::new(Mutex::new(queue));
     let (done, shares) = channel();
     thread::scope(|scope| {
-        let reader = scope.spawn(|| read(recordings, plan, pieces));
+        let reader = scope.spawn(move || read(recordings, plan, &pieces));
         let workers = thread::available_parallelism().map_or(1, usize::from);
         for _ in 0..workers.min(WORKERS) {
             let (queue, done) = (Arc::clone(&queue), done.clone());
@@ -48,7 +49,7 @@ pub(super) fn run(
 }
 
 /// Sends numbered pieces until the recordings end or nobody takes them.
-fn read(recordings: &[Long], plan: &Plan, pieces: SyncSender<(usize, Piece)>) -> Result<()> {
+fn read(recordings: &[Long], plan: &Plan, pieces: &SyncSender<(usize, Piece)>) -> Result<()> {
     let mut number = 0;
     for long in recordings {
         let mut cutter = Cutter::new(long, Sizes::new(long, plan.half_width))?;

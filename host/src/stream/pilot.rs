@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::error::Result;
-use crate::identify::Workbench;
+use crate::identify::{Options, Workbench};
 use crate::model::Model;
 use crate::noise::Law;
 use crate::problem::Response;
@@ -34,14 +34,14 @@ pub(super) struct Pilot {
 
 impl Pilot {
     /// Identifies stretches of the training parts.
-    pub fn new(recordings: &[Long], model: &Model) -> Result<Self> {
+    pub fn new(recordings: &[Long], model: &Model, options: Options) -> Result<Self> {
         let (stretches, wholes): (Vec<Recording>, Vec<usize>) =
             read(recordings, TRAIN_SHARE)?.into_iter().unzip();
         let alone = |r| Track::new(r, model.motion, None);
         let alone: Vec<Track> = stretches.iter().map(alone).collect();
         let smoothing = Smoothing::of(&alone, stretches.iter().any(|r| r.q.is_none()));
         drop(alone);
-        let bench = Workbench::of(model, |balance| {
+        let bench = Workbench::of(model, options, |balance| {
             let track = |(r, &whole): (&Recording, &usize)| {
                 let track = Track::smoothed(r, model.motion, balance, smoothing);
                 // All of a stretch is for training; the held-out parts are elsewhere.

@@ -8,8 +8,9 @@ use crate::error::Result;
 use crate::fit::{self, Sums};
 use crate::identify::follow_everything;
 use crate::model::{Causality, Model};
+use crate::normal::Normal;
 use crate::problem::Problem;
-use crate::refine::{Normal, free_parameters};
+use crate::refine::{self, free_parameters};
 use crate::system::{self, System};
 use crate::weak::{Part, Track};
 
@@ -49,7 +50,7 @@ fn normal(piece: &Piece, track: Track, plan: &Plan, model: &Model) -> Result<Nor
         Err(_) => system::residual(&problem, model),
     };
     let noise = plan.law.on(&problem, &residual, &clusters);
-    Ok(Normal::of(&problem, model, &noise, &clusters))
+    Ok(refine::normal(&problem, model, &noise, &clusters))
 }
 
 /// A number for each training row of the core: rows of one block of time have the same.

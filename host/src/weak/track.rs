@@ -65,7 +65,7 @@ impl Smoothing {
         let usable = || FILTERS.iter().copied().filter(|half| *half <= most);
         let half = usable()
             .find(quiet)
-            .or(usable().last())
+            .or(usable().next_back())
             .unwrap_or(FILTERS[0]);
         Some(Self {
             half_width: half as f64 * period,
@@ -236,6 +236,8 @@ impl Track {
             top_speed: speeds[(speeds.len() - 1) * 98 / 100],
             slow: SLOW * self.velocity_noise,
             travel: (fold(f64::min), fold(f64::max)),
+            position_noise: self.position_noise,
+            coulomb: 0.0,
         }
     }
 
