@@ -49,8 +49,7 @@ def fit_ode(case, start):
                 # A smooth sign: no adaptive step survives the jump.
                 return [x[1], (force - coulomb * np.tanh(x[1] / 1e-3) - viscous * x[1]) / inertia]
 
-            # Steps of two samples at most, or it would run past the input's changes.
-            solution = scipy.integrate.solve_ivp(slope, (t[0], t[-1]), [q[0], v0], "RK45", t, max_step=2e-3, rtol=1e-6)
+            solution = scipy.integrate.solve_ivp(slope, (t[0], t[-1]), [q[0], v0], "LSODA", t, max_step=5e-3)
             return solution.y[0] - q
 
         return solve(residual, start)
@@ -61,8 +60,5 @@ def fit_ode(case, start):
 def solve(residual, start):
     start = start.vector()
     bounds = (0.02 * start, 50.0 * start)
-    # Differences wide enough to average over the kinks that sticking puts into the residual.
-    result = scipy.optimize.least_squares(
-        residual, start, bounds=bounds, x_scale=start, diff_step=1e-4, max_nfev=100
-    )
+    result = scipy.optimize.least_squares(residual, start, bounds=bounds, x_scale=start, max_nfev=100)
     return Parameters(*map(float, result.x)), f"{result.nfev} steps"
