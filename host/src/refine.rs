@@ -164,9 +164,7 @@ fn normal_matrix(jacobian: &DMatrix<f64>) -> (DMatrix<f64>, Vec<f64>) {
     (normal, scale)
 }
 
-/// Standard errors from `(JᵀJ)⁻¹·(Σ over blocks of gradient outer products)·(JᵀJ)⁻¹`: the fold blocks stay
-/// independent even where the model or the noise covariance is not exact (Liang and Zeger 1986). The larger of
-/// this and the model-based error is reported.
+/// Gives every free parameter its standard error, and whole numbers one of zero.
 fn standard_errors(
     model: &mut Model,
     residual: &DVector<f64>,
@@ -178,22 +176,9 @@ fn standard_errors(
     if jacobian.ncols() == 0 {
         return;
     }
-    let (normal, scale) = normal_matrix(&jacobian);
-    let Some(inverse) = normal.try_inverse() else {
+    let Some(variances) = variances(&jacobian, residual, &clusters(folds)) else {
         return;
     };
-    let freedom = residual.len() as f64 / (residual.len() as f64 - free.len() as f64).max(1.0);
-    let sigma2 = (residual.norm_squared() / residual.len() as f64 * freedom).max(1.0);
-    let clusters = clusters(folds);
-    let groups = clusters.iter().max().map_or(0, |c| c + 1);
-    let mut gradients = DMatrix::<f64>::zeros(free.len(), groups.max(1));
-    for (row, &cluster) in clusters.iter().enumerate() {
-        for j in 0..free.len() {
-            gradients[(j, cluster)] += jacobian[(row, j)] / scale[j] * residual[row];
-        }
-    }
-    let small_sample = groups as f64 / (groups as f64 - 1.0).max(1.0);
-    let sandwich = &inverse * (&gradients * gradients.transpose()) * &inverse * small_sample;
     let whole: Vec<bool> = (0..model.parameters().len())
         .map(|k| model.is_whole(k))
         .collect();
@@ -205,10 +190,37 @@ fn standard_errors(
     {
         parameter.se = Some(0.0);
     }
-    for (j, &k) in free.iter().enumerate() {
-        let variance = (sigma2 * inverse[(j, j)]).max(sandwich[(j, j)]);
-        parameters[k].se = Some(variance.max(0.0).sqrt() / scale[j]);
+    for (k, variance) in free.into_iter().zip(variances) {
+        parameters[k].se = Some(variance.max(0.0).sqrt());
     }
+}
+
+/// Variances of estimates from residuals of unit variance, their derivatives and the cluster that each row belongs to.
+///
+/// `(JᵀJ)⁻¹·(Σ over clusters of gradient outer products)·(JᵀJ)⁻¹`: clusters stay independent even where the model or
+/// the noise covariance is not exact (Liang and Zeger 1986). The larger of this and the model-based variance is given;
+/// `None` if the rows do not determine the estimates.
+pub fn variances(
+    jacobian: &DMatrix<f64>,
+    residual: &DVector<f64>,
+    clusters: &[usize],
+) -> Option<Vec<f64>> {
+    let count = jacobian.ncols();
+    let (normal, scale) = normal_matrix(jacobian);
+    let inverse = normal.try_inverse()?;
+    let freedom = residual.len() as f64 / (residual.len() as f64 - count as f64).max(1.0);
+    let sigma2 = (residual.norm_squared() / residual.len() as f64 * freedom).max(1.0);
+    let groups = clusters.iter().max().map_or(0, |c| c + 1);
+    let mut gradients = DMatrix::<f64>::zeros(count, groups.max(1));
+    for (row, &cluster) in clusters.iter().enumerate() {
+        for j in 0..count {
+            gradients[(j, cluster)] += jacobian[(row, j)] / scale[j] * residual[row];
+        }
+    }
+    let small_sample = groups as f64 / (groups as f64 - 1.0).max(1.0);
+    let sandwich = &inverse * (&gradients * gradients.transpose()) * &inverse * small_sample;
+    let variance = |j: usize| (sigma2 * inverse[(j, j)]).max(sandwich[(j, j)]);
+    Some((0..count).map(|j| variance(j) / (scale[j] * scale[j])).collect())
 }
 
 /// Consecutive training rows of one fold form a cluster.
