@@ -220,7 +220,11 @@ pub fn variances(
     let small_sample = groups as f64 / (groups as f64 - 1.0).max(1.0);
     let sandwich = &inverse * (&gradients * gradients.transpose()) * &inverse * small_sample;
     let variance = |j: usize| (sigma2 * inverse[(j, j)]).max(sandwich[(j, j)]);
-    Some((0..count).map(|j| variance(j) / (scale[j] * scale[j])).collect())
+    Some(
+        (0..count)
+            .map(|j| variance(j) / (scale[j] * scale[j]))
+            .collect(),
+    )
 }
 
 /// Consecutive training rows of one fold form a cluster.

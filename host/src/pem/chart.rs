@@ -1,6 +1,6 @@
 //! Coordinates that an optimiser may move freely, for the free parameters of a model.
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 use super::predictor::Family;
 use crate::axis::Axis;
@@ -11,14 +11,45 @@ use crate::model::Model;
 /// so this error is relative, and far above rounding.
 const SMALL: f64 = 1e-5;
 
-/// How one free parameter depends on its coordinate.
+/// How one free parameter depends on its coordinate `x`, which is 1 at the start.
 #[derive(Clone, Copy, Debug)]
 struct Coordinate {
     /// Position among [`Model::parameters`].
     parameter: usize,
-    /// `None`: the coordinate is the logarithm; else it is the value over this size.
-    size: Option<f64>,
+    /// The value at the start, less its floor.
+    start: f64,
+    scale: Scale,
 }
+
+#[derive(Clone, Copy, Debug)]
+enum Scale {
+    /// `start·e^(x − 1)`.
+    Logarithm,
+    /// The same above the Coulomb level: friction falls with speed, or the law is another.
+    AboveCoulomb,
+    /// `start + size·(x − 1)`.
+    Size(f64),
+}
+
+impl Coordinate {
+    /// The value above its floor.
+    fn value(&self, x: f64) -> f64 {
+        match self.scale {
+            Scale::Logarithm | Scale::AboveCoulomb => self.start * (x - 1.0).exp(),
+            Scale::Size(size) => self.start + size * (x - 1.0),
+        }
+    }
+
+    fn rate(&self, x: f64) -> f64 {
+        match self.scale {
+            Scale::Logarithm | Scale::AboveCoulomb => self.value(x),
+            Scale::Size(size) => size,
+        }
+    }
+}
+
+/// Position of the Coulomb level among [`Model::parameters`].
+const COULOMB: usize = 2;
 
 /// The free parameters of a model and their coordinates.
 pub struct Chart {
@@ -29,30 +60,18 @@ pub struct Chart {
 impl Chart {
     /// Coordinates for all parameters that are to be estimated and have a value to start from.
     ///
-    /// What is positive by nature has its logarithm as coordinate: inertias, levels, stiffnesses and velocities of a law.
-    /// Everything else is measured in its own start value, or its standard error if that is larger.
+    /// What is positive by nature has its logarithm as coordinate: inertia, levels, stiffnesses and velocities of a law;
+    /// the static level what it is above the Coulomb level. Everything else is measured in its own start value, or its
+    /// standard error if that is larger. A step of one is thus a large change of any parameter.
     pub fn new(model: &Model) -> Self {
-        let labels = model.labels();
         let parameters = model.parameters();
         let free = (0..parameters.len()).filter(|&k| {
             let p = parameters[k];
             !p.known && p.value.is_some() && !model.is_whole(k)
         });
-        let coordinates = free
-            .map(|k| {
-                let value = parameters[k].value.unwrap_or_default();
-                let natural = labels[k].effect.is_none() && labels[k].name != "viscous";
-                let doubt = parameters[k].se.filter(|se| se.is_finite()).unwrap_or(0.0);
-                let size = value.abs().max(doubt).max(f64::MIN_POSITIVE.sqrt());
-                Coordinate {
-                    parameter: k,
-                    size: (!natural || value <= 0.0).then_some(size),
-                }
-            })
-            .collect();
         Self {
+            coordinates: free.map(|k| coordinate(model, k)).collect(),
             model: model.clone(),
-            coordinates,
         }
     }
 
@@ -68,35 +87,35 @@ impl Chart {
 
     /// Coordinates of the model that the chart was made from.
     pub fn origin(&self) -> DVector<f64> {
-        self.at(&self.model)
-    }
-
-    /// Coordinates of another model with the same parameters.
-    pub fn at(&self, model: &Model) -> DVector<f64> {
-        let parameters = model.parameters();
-        let coordinates = self.coordinates.iter().map(|c| {
-            let value = parameters[c.parameter].value.unwrap_or_default();
-            c.size.map_or_else(|| value.ln(), |size| value / size)
-        });
-        DVector::from_iterator(self.len(), coordinates)
+        DVector::from_element(self.len(), 1.0)
     }
 
     /// The model at some coordinates, its parameters kept within their bounds.
     pub fn model(&self, at: &DVector<f64>) -> Model {
         let mut model = self.model.clone();
         for (c, x) in self.coordinates.iter().zip(at.iter()) {
-            let value = c.size.map_or_else(|| x.exp(), |size| x * size);
-            model.move_to(c.parameter, value);
+            let floor = match c.scale {
+                Scale::AboveCoulomb => model.coulomb.value.unwrap_or_default(),
+                _ => 0.0,
+            };
+            model.move_to(c.parameter, floor + c.value(*x));
         }
         model
     }
 
-    /// Derivative of each parameter by its coordinate.
-    pub fn rates(&self, at: &DVector<f64>) -> Vec<f64> {
-        let pairs = self.coordinates.iter().zip(at.iter());
-        pairs
-            .map(|(c, x)| c.size.unwrap_or_else(|| x.exp()))
-            .collect()
+    /// Derivatives of the parameters, row by row, by the coordinates.
+    pub fn rates(&self, at: &DVector<f64>) -> DMatrix<f64> {
+        let rates = self.coordinates.iter().zip(at.iter());
+        let rates: Vec<f64> = rates.map(|(c, x)| c.rate(*x)).collect();
+        DMatrix::from_fn(self.len(), self.len(), |row, column| {
+            let (of, by) = (&self.coordinates[row], &self.coordinates[column]);
+            let lifted = matches!(of.scale, Scale::AboveCoulomb) && by.parameter == COULOMB;
+            if row == column || lifted {
+                rates[column]
+            } else {
+                0.0
+            }
+        })
     }
 
     /// The axis at some coordinates, and if derivatives are wanted those beside it.
@@ -113,5 +132,27 @@ impl Chart {
                 .collect::<Result<_>>()?,
             placed: self.model.terms.iter().any(|term| !term.in_law),
         })
+    }
+}
+
+fn coordinate(model: &Model, k: usize) -> Coordinate {
+    let label = &model.labels()[k];
+    let parameter = model.parameters()[k];
+    let value = parameter.value.unwrap_or_default();
+    let coulomb = model.coulomb.value.unwrap_or_default();
+    let natural = label.effect.is_none() && label.name != "viscous";
+    let doubt = parameter.se.filter(|se| se.is_finite()).unwrap_or(0.0);
+    let size = value.abs().max(doubt).max(f64::MIN_POSITIVE.sqrt());
+    let (start, scale) = if natural && label.name == "static" && value > coulomb {
+        (value - coulomb, Scale::AboveCoulomb)
+    } else if natural && value > 0.0 {
+        (value, Scale::Logarithm)
+    } else {
+        (value, Scale::Size(size))
+    };
+    Coordinate {
+        parameter: k,
+        start,
+        scale,
     }
 }

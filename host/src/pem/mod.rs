@@ -71,9 +71,9 @@ pub struct Change {
 /// Range of the tracking index that is searched: from next to no torque noise to next to no memory.
 const INDEX: (f64, f64) = (1e-5, 10.0);
 /// Relative precision of the tracking index: the likelihood is flat around its maximum.
-const PRECISION: f64 = 0.1;
+const PRECISION: f64 = 0.3;
 /// Rounds at most; each finds new gains.
-const ROUNDS: usize = 8;
+const ROUNDS: usize = 20;
 /// A round that gains less than this many units of `−ln L` was the last.
 const SETTLED: f64 = 0.05;
 /// Length of the blocks that standard errors take to be independent, s.
@@ -112,7 +112,8 @@ pub fn estimate(
         let objective = Objective::new(&chart, &sequences, &passes);
         let value = |at: &DVector<f64>| objective.residuals(at).map(|r| 0.5 * r.norm_squared());
         let old = value(&at).unwrap_or(f64::INFINITY);
-        let ended = minimise(options.optimiser, &objective, &at, options.most - iterations);
+        let most = options.optimiser.patience().min(options.most - iterations);
+        let ended = minimise(options.optimiser, &objective, &at, most);
         iterations += ended.iterations;
         evaluations += objective.evaluations();
         (converged, reason) = (ended.converged, ended.reason);
@@ -128,6 +129,9 @@ pub fn estimate(
         }
         if gained < SETTLED {
             break;
+        }
+        if rounds == ROUNDS {
+            (converged, reason) = (false, "most rounds reached".to_owned());
         }
     }
     if best.1 != at {
@@ -159,7 +163,10 @@ pub fn estimate(
 fn rmse(sequences: &[Sequence], passes: &[Pass]) -> f64 {
     let (mut sum, mut count) = (0.0, 0);
     for (sequence, pass) in sequences.iter().zip(passes) {
-        sum += pass.errors().map(|e| (e * sequence.noise).powi(2)).sum::<f64>();
+        sum += pass
+            .errors()
+            .map(|e| (e * sequence.noise).powi(2))
+            .sum::<f64>();
         count += pass.residuals.len();
     }
     (sum / f64::from(u32::try_from(count.max(1)).unwrap_or(u32::MAX))).sqrt()
@@ -185,13 +192,16 @@ fn errors(
         clusters.extend(pass.samples.iter().map(|&k| first + block(k)));
         first = clusters.last().map_or(0, |c| c + 1);
     }
-    let Some(variances) = refine::variances(&jacobian, &residuals, &clusters) else {
-        return;
-    };
-    let rates = chart.rates(at);
+    let by_parameter = chart
+        .rates(at)
+        .try_inverse()
+        .map(|inverse| jacobian * inverse);
+    let variances = by_parameter.and_then(|j| refine::variances(&j, &residuals, &clusters));
     let mut parameters = model.parameters_mut();
-    for ((k, variance), rate) in chart.parameters().into_iter().zip(variances).zip(rates) {
-        parameters[k].se = Some(variance.max(0.0).sqrt() * rate.abs());
+    for (i, k) in chart.parameters().into_iter().enumerate() {
+        // Derivatives that are linearly dependent leave no bound on the error.
+        let variance = variances.as_ref().map_or(f64::INFINITY, |v| v[i].max(0.0));
+        parameters[k].se = Some(variance.sqrt());
     }
 }
 
@@ -229,11 +239,18 @@ impl<'a> Share<'a> {
                 let last = (self.value / self.unit).ln();
                 (low, high) = (low.max(last - 2.5), high.min(last + 2.5));
             }
-            let likelihood = Likelihood { share: self, at, count: RefCell::new(0) };
+            let likelihood = Likelihood {
+                share: self,
+                at,
+                count: RefCell::new(0),
+            };
             let solver = BrentOpt::new(low, high).set_tolerance(0.0, PRECISION);
-            let run = Executor::new(&likelihood, solver).configure(|s| s.max_iters(20)).run();
+            let run = Executor::new(&likelihood, solver)
+                .configure(|s| s.max_iters(20))
+                .run();
             let best = run.ok().and_then(|r| r.state.best_param);
-            let index = best.ok_or_else(|| Error::Internal("no share of torque noise found".to_owned()))?;
+            let index =
+                best.ok_or_else(|| Error::Internal("no share of torque noise found".to_owned()))?;
             let count = *likelihood.count.borrow();
             self.evaluations += count;
             self.value = index.exp() * self.unit;
@@ -255,6 +272,11 @@ impl CostFunction for &Likelihood<'_, '_> {
     fn cost(&self, index: &f64) -> std::result::Result<f64, argmin::core::Error> {
         *self.count.borrow_mut() += 1;
         let share = index.exp() * self.share.unit;
-        Ok(deviance(&filter(self.share.chart, self.share.sequences, self.at, share)?))
+        Ok(deviance(&filter(
+            self.share.chart,
+            self.share.sequences,
+            self.at,
+            share,
+        )?))
     }
 }

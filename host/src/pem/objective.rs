@@ -36,27 +36,34 @@ pub fn filter(
         .collect())
 }
 
-/// The concentrated `−2·ln L` over the number of readings, of all sequences together.
+/// Number of readings in some passes.
+fn readings(passes: &[Pass]) -> f64 {
+    passes.iter().flat_map(|p| &p.counts).sum::<f64>().max(1.0)
+}
+
+/// Mean square of the weighted innovations.
+fn square(passes: &[Pass]) -> f64 {
+    let squares = passes.iter().flat_map(|p| &p.residuals).map(|r| r * r);
+    (squares.sum::<f64>() / readings(passes)).max(f64::MIN_POSITIVE)
+}
+
+/// `−2·ln L` at its best scale over the number of readings, of all sequences together.
 pub fn deviance(passes: &[Pass]) -> f64 {
-    let mut all = Pass::default();
-    for pass in passes {
-        all.residuals.extend(&pass.residuals);
-        all.gains.extend(&pass.gains);
-    }
-    all.deviance()
+    let pairs = passes.iter().flat_map(|p| p.gains.iter().zip(&p.counts));
+    let spread = pairs
+        .map(|(gain, count)| gain.variance.ln() * count)
+        .sum::<f64>();
+    square(passes).ln() + spread / readings(passes)
 }
 
 impl<'a> Objective<'a> {
     /// The objective with the gains that a filter found.
     pub fn new(chart: &'a Chart, sequences: &'a [Sequence<'a>], passes: &[Pass]) -> Self {
-        let count = passes.iter().map(|p| p.residuals.len()).sum::<usize>();
-        let squares = passes.iter().flat_map(|p| &p.residuals);
-        let square = squares.map(|r| r * r).sum::<f64>() / count.max(1) as f64;
         Self {
             chart,
             sequences,
             gains: passes.iter().map(|p| p.gains.clone()).collect(),
-            scale: square.sqrt().max(f64::MIN_POSITIVE),
+            scale: square(passes).sqrt(),
             last: RefCell::new(None),
             evaluations: Cell::new(0),
         }
@@ -104,7 +111,6 @@ impl LeastSquares for Objective<'_> {
         *self.last.borrow_mut() = Some((at.clone(), residuals.clone(), jacobian.clone()));
         Some((residuals, jacobian))
     }
-
 }
 
 fn stack(passes: &[Pass]) -> DVector<f64> {

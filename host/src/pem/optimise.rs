@@ -20,6 +20,18 @@ pub enum Optimiser {
     Bfgs,
 }
 
+impl Optimiser {
+    /// Iterations after which fresh gains are worth more than another iteration.
+    pub fn patience(self) -> usize {
+        match self {
+            Self::LevenbergMarquardt => 5,
+            Self::Bfgs => 15,
+            // Its simplex takes long to find its shape, and starts anew with each round.
+            Self::NelderMead => 400,
+        }
+    }
+}
+
 /// Where an optimiser ended.
 #[derive(Clone, Debug)]
 pub struct Ended {
@@ -108,12 +120,14 @@ fn levenberg_marquardt(problem: &impl LeastSquares, from: &DVector<f64>, most: u
     let rows = problem.residuals(from).map_or(1, |r| r.len()) as f64;
     // Its tolerance is relative, and the objective is about half the number of rows.
     let tolerance = (2.0 * NEGLIGIBLE / rows).max(1e-14);
-    // A first step of a few tenths: the coordinates are logarithms, or in units of their own size.
+    // Coordinates are logarithms or relative already, so steps are bounded in these and not in units of each one's own
+    // curvature, in which a parameter that the data say little about could go anywhere.
     let (target, report) = LevenbergMarquardt::new()
         .with_ftol(tolerance)
         .with_xtol(1e-9)
         .with_gtol(1e-12)
-        .with_stepbound(1.0)
+        .with_stepbound(0.3)
+        .with_scale_diag(false)
         .with_patience(20)
         .minimize(target);
     let iterations = *target.slopes.borrow();

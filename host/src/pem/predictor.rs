@@ -15,7 +15,8 @@ const SMALL: f64 = 1e-6;
 #[derive(Clone, Copy, Debug)]
 pub struct Gain {
     correction: Vector3<f64>,
-    variance: f64,
+    /// `s`.
+    pub variance: f64,
 }
 
 /// How corrections are weighed.
@@ -48,17 +49,11 @@ pub struct Pass {
     pub gains: Vec<Gain>,
     /// Sample that each residual belongs to.
     pub samples: Vec<usize>,
+    /// What each residual counts for: a reading that repeats is one reading.
+    pub counts: Vec<f64>,
 }
 
 impl Pass {
-    /// `ln` of the innovations' variance at the best scale, the concentrated `−2·ln L` over the number of readings.
-    pub fn deviance(&self) -> f64 {
-        let n = self.residuals.len().max(1) as f64;
-        let square = self.residuals.iter().map(|r| r * r).sum::<f64>() / n;
-        let spread = self.gains.iter().map(|g| g.variance.ln()).sum::<f64>() / n;
-        square.max(f64::MIN_POSITIVE).ln() + spread
-    }
-
     /// Innovations over the noise of a single reading.
     pub fn errors(&self) -> impl Iterator<Item = f64> {
         let pairs = self.residuals.iter().zip(&self.gains);
@@ -115,7 +110,10 @@ impl Interval<'_> {
     /// What torque noise of one standard deviation does to the state: the difference over its whole size, as below
     /// break-away a small torque does nothing and a larger one may do much.
     fn noise(&self, axis: &Axis, x: &Vector3<f64>, torque: f64) -> Vector3<f64> {
-        let to = |load: f64| { let mut interval = *self; interval.step(axis, x, load) };
+        let to = |load: f64| {
+            let mut interval = *self;
+            interval.step(axis, x, load)
+        };
         (to(torque) - to(-torque)) / 2.0
     }
 }
@@ -183,7 +181,11 @@ pub fn pass(sequence: &Sequence, family: &Family, weighing: Weighing) -> Pass {
         };
         let error = sequence.readings[k] - (sequence.sees * next)[0];
         // A model that runs away counts as a large error, not as a missing one.
-        let error = if error.is_finite() { error } else { 1e6 * sequence.speed };
+        let error = if error.is_finite() {
+            error
+        } else {
+            1e6 * sequence.speed
+        };
         let scale = sequence.noise * gain.variance.sqrt();
         pass.residuals.push(error / scale);
         for slope in &mut slopes {
@@ -194,6 +196,7 @@ pub fn pass(sequence: &Sequence, family: &Family, weighing: Weighing) -> Pass {
         x = next + gain.correction * error;
         pass.gains.push(gain);
         pass.samples.push(k);
+        pass.counts.push(1.0 / sequence.repeats[k]);
     }
     pass
 }

@@ -69,7 +69,11 @@ impl<'a> Sequence<'a> {
         let spread = Vector3::new(
             self.track.position_noise.powi(2) * self.repeats[sample],
             self.track.velocity_noise.powi(2),
-            if state.v == 0.0 { bent * bent } else { 0.01 * bent * bent },
+            if state.v == 0.0 {
+                bent * bent
+            } else {
+                0.01 * bent * bent
+            },
         );
         (state, Matrix3::from_diagonal(&(spread / variance)))
     }
