@@ -192,6 +192,7 @@ fn windows(
 /// The input that the model asks for along the measured motion, at every sample.
 pub fn inverse(axis: &Axis, recording: &Recording, track: &Track) -> Vec<f64> {
     let last = track.v.len() - 1;
+    let bent = axis.contact.bristles().map(|law| (law, track.bend(law)));
     recording
         .t
         .iter()
@@ -199,14 +200,21 @@ pub fn inverse(axis: &Axis, recording: &Recording, track: &Track) -> Vec<f64> {
             let k = (((t - track.start) / track.period).round().max(0.0) as usize).min(last);
             let (a, b) = (k.max(1) - 1, (k + 1).min(last));
             let acceleration = (track.v[b] - track.v[a]) / ((b - a) as f64 * track.period);
-            // At rest friction balances whatever else acts, which no model of the motion says.
-            let rests = track.sliding[k.min(track.sliding.len() - 1)] == 0.0;
-            let s = if rests || track.v[k] == 0.0 {
-                0.0
+            let (q, v) = (track.q[k], track.v[k]);
+            let friction = if let Some((law, bent)) = &bent {
+                let bent = bent[k.min(bent.len() - 1)];
+                let s = bent.direction;
+                axis.contact.resistance(q, v, s)
+                    + s * law.level(v)
+                    + law.damping() * bent.rate
+                    + law.viscosity() * v
             } else {
-                track.v[k].signum()
+                // At rest friction balances whatever else acts, which no model of the motion says.
+                let rests = track.sliding[k.min(track.sliding.len() - 1)] == 0.0;
+                let s = if rests || v == 0.0 { 0.0 } else { v.signum() };
+                axis.contact.resistance(q, v, s)
             };
-            (axis.inertia * acceleration + axis.resistance(track.q[k], track.v[k], s)) / axis.gain
+            (axis.inertia * acceleration + friction) / axis.gain
         })
         .collect()
 }

@@ -4,10 +4,11 @@ use std::cell::RefCell;
 use std::collections::HashMap;
 use std::rc::Rc;
 
-use crate::effects::{Effect, Inner, Survey};
+use crate::effects::{Effect, Inner, Point, Survey};
+use crate::model::Model;
 use crate::motion::Motion;
 use crate::recording::Recording;
-use crate::weak::{Balance, Part, Track, Windows};
+use crate::weak::{Balance, Bent, Part, Track, Windows};
 
 /// One row: a window of one track.
 #[derive(Clone, Copy, Debug)]
@@ -32,8 +33,32 @@ pub enum Response {
 /// A column of functionals, one for each row.
 pub type Column = Rc<Vec<f64>>;
 
-/// Key of a cached column set: effect id and the bits of its inner parameters.
-type Key = (&'static str, [u64; 2]);
+/// Bits of what the bristles of a model depend on; zeros without bristles.
+type Bristled = [u64; 5];
+
+/// Key of a cached column set: effect id, the bits of its inner parameters, and those of the bristles.
+type Key = (&'static str, [u64; 2], Bristled);
+
+/// The direction in which friction acts in every cell of every track: that of sliding, or that of bristles.
+#[derive(Clone, Default)]
+pub struct Direction {
+    bristled: Bristled,
+    bent: Option<Rc<Vec<Vec<Bent>>>>,
+}
+
+impl Direction {
+    /// The cell of a track as effects see it.
+    fn point(&self, track: usize, cell: usize, at: Point) -> Point {
+        match &self.bent {
+            None => at,
+            Some(bent) => Point {
+                s: bent[track][cell].direction,
+                bending: bent[track][cell].rate,
+                ..at
+            },
+        }
+    }
+}
 
 /// Tracks, windows and rows, with the columns computed so far.
 pub struct Problem {
@@ -50,6 +75,8 @@ pub struct Problem {
     /// `∫q φ̈` of every row.
     pub acceleration: Column,
     cache: RefCell<HashMap<Key, Vec<Column>>>,
+    /// The last direction asked for: that of one set of bristles serves all columns of a model.
+    direction: RefCell<Direction>,
 }
 
 impl Problem {
@@ -82,6 +109,7 @@ impl Problem {
             response,
             acceleration: Rc::default(),
             cache: RefCell::default(),
+            direction: RefCell::default(),
         };
         problem.acceleration = Rc::new(problem.stack(|t, w| w.acceleration(&t.q)));
         problem
@@ -118,66 +146,103 @@ impl Problem {
 
     /// `∫u(t − delay) φ`.
     pub fn input(&self, delay: f64) -> Column {
-        self.cached(("input", [delay.to_bits(), 0]), || {
+        self.cached(("input", [delay.to_bits(), 0], [0; 5]), || {
             vec![self.stack(|t, w| w.hold(t, &t.input(delay)))]
         })
         .remove(0)
     }
 
-    /// `∫sgn(v) φ`.
-    pub fn coulomb(&self) -> Column {
-        self.cached(("coulomb", [0; 2]), || {
-            vec![self.cells(|t, k| t.cells[k].s)]
+    /// The direction in which a model's friction acts.
+    pub fn direction(&self, model: &Model) -> Direction {
+        let Some(law) = model.bristles() else {
+            return Direction::default();
+        };
+        let bristled = model.bristle_key();
+        if self.direction.borrow().bristled == bristled {
+            return self.direction.borrow().clone();
+        }
+        let bent = self.tracks.iter().map(|t| t.bend(law.as_ref())).collect();
+        let direction = Direction {
+            bristled,
+            bent: Some(Rc::new(bent)),
+        };
+        self.direction.replace(direction.clone());
+        direction
+    }
+
+    /// `∫s φ`, `s` being the direction in which friction acts: `sgn v` without bristles.
+    pub fn coulomb(&self, direction: &Direction) -> Column {
+        self.cached(("coulomb", [0; 2], direction.bristled), || {
+            vec![self.signals(direction, |_, at| at.s)]
         })
         .remove(0)
     }
 
     /// `−∫q φ̇`.
     pub fn velocity(&self) -> Column {
-        self.cached(("velocity", [0; 2]), || {
+        self.cached(("velocity", [0; 2], [0; 5]), || {
             vec![self.stack(|t, w| w.velocity(&t.q))]
         })
         .remove(0)
     }
 
     /// The columns of an effect for values of its inner parameters.
-    pub fn effect(&self, effect: &'static dyn Effect, inner: Inner) -> Vec<Column> {
+    pub fn effect(
+        &self,
+        effect: &'static dyn Effect,
+        inner: Inner,
+        direction: &Direction,
+    ) -> Vec<Column> {
         if effect.width() == 0 {
             return Vec::new();
         }
-        self.cached((effect.id(), inner.map(f64::to_bits)), || {
-            let mut columns = vec![Vec::with_capacity(self.rows.len()); effect.width()];
+        let key = (effect.id(), inner.map(f64::to_bits), direction.bristled);
+        self.cached(key, || {
             let mut basis = vec![0.0; effect.width()];
-            for (track, windows) in self.tracks.iter().zip(&self.windows) {
-                let mut signals = vec![Vec::with_capacity(track.cells.len()); effect.width()];
-                for &cell in &track.cells {
-                    effect.basis(inner, cell, &mut basis);
-                    signals.iter_mut().zip(&basis).for_each(|(s, b)| s.push(*b));
-                }
-                for (column, signal) in columns.iter_mut().zip(&signals) {
-                    column.extend(windows.hold(track, signal));
-                }
-            }
-            columns
+            (0..effect.width())
+                .map(|k| {
+                    self.signals(direction, |_, at| {
+                        effect.basis(inner, at, &mut basis);
+                        basis[k]
+                    })
+                })
+                .collect()
+        })
+    }
+
+    /// Functional of a signal of the cells as effects see them.
+    fn signals(
+        &self,
+        direction: &Direction,
+        mut signal: impl FnMut(&Track, Point) -> f64,
+    ) -> Vec<f64> {
+        let mut tracks = 0..;
+        self.stack(|track, windows| {
+            let index = tracks.next().unwrap_or_default();
+            let cells = track.cells.iter().enumerate();
+            let signal: Vec<f64> = cells
+                .map(|(k, &at)| signal(track, direction.point(index, k, at)))
+                .collect();
+            windows.hold(track, &signal)
         })
     }
 
     /// The columns of a group of generic functions.
     pub fn generic(&self, group: usize, compute: impl FnOnce() -> Vec<Vec<f64>>) -> Vec<Column> {
-        self.cached(("generic", [group as u64, 0]), compute)
+        self.cached(("generic", [group as u64, 0], [0; 5]), compute)
     }
 
-    /// What all recordings together cover.
+    /// What all recordings together cover, for a model whose Coulomb level is known so far.
     ///
     /// # Panics
     /// Without a single recording.
-    pub fn survey(&self) -> Survey {
+    pub fn survey(&self, model: &Model) -> Survey {
         let surveys = self
             .tracks
             .iter()
             .zip(&self.windows)
             .map(|(t, w)| t.survey(self.motion, w.reach as f64 * t.period));
-        surveys
+        let all = surveys
             .reduce(|a, b| Survey {
                 motion: a.motion,
                 period: a.period.min(b.period),
@@ -185,8 +250,14 @@ impl Problem {
                 top_speed: a.top_speed.max(b.top_speed),
                 slow: a.slow.min(b.slow),
                 travel: (a.travel.0.min(b.travel.0), a.travel.1.max(b.travel.1)),
+                position_noise: a.position_noise.max(b.position_noise),
+                coulomb: a.coulomb,
             })
-            .expect("at least one recording")
+            .expect("at least one recording");
+        Survey {
+            coulomb: model.coulomb.value.unwrap_or_default(),
+            ..all
+        }
     }
 
     /// Time at the centre of a row, s.

@@ -89,10 +89,15 @@ impl System {
         let inertia = known_value(&model.inertia);
         let gain = known_value(&model.gain);
         let input = problem.input(delay(model));
+        let direction = problem.direction(model);
         let mut known = vec![0.0; problem.rows.len()];
         let mut resisting: Vec<(Unknown, Column)> = Vec::new();
         for (parameter, unknown, column) in [
-            (&model.coulomb, Unknown::Coulomb, problem.coulomb()),
+            (
+                &model.coulomb,
+                Unknown::Coulomb,
+                problem.coulomb(&direction),
+            ),
             (&model.viscous, Unknown::Viscous, problem.velocity()),
         ] {
             match known_value(parameter) {
@@ -105,7 +110,8 @@ impl System {
                 .effect
                 .linear(&values(term), model.coulomb.value.unwrap_or(0.0));
             let fixed = term.parameters.iter().all(|p| p.known);
-            for (k, column) in problem.effect(term.effect, inner).into_iter().enumerate() {
+            let columns = problem.effect(term.effect, inner, &direction);
+            for (k, column) in columns.into_iter().enumerate() {
                 if fixed {
                     add(&mut known, coefficients[k], &column);
                 } else {
@@ -283,12 +289,10 @@ impl System {
             }
             admissible &= term.effect.admissible(coefficients);
             let (inner, _) = term.effect.linear(&values(term), coulomb);
-            for (parameter, value) in
-                term.parameters
-                    .iter_mut()
-                    .zip(term.effect.named(inner, coefficients, coulomb))
-            {
-                if !parameter.known {
+            let named = term.effect.named(inner, coefficients, coulomb);
+            let scanned = term.effect.inner();
+            for (k, (parameter, value)) in term.parameters.iter_mut().zip(named).enumerate() {
+                if !parameter.known && Some(k) != scanned {
                     parameter.value = Some(value);
                 }
             }
@@ -315,12 +319,18 @@ fn check_scale(model: &Model) -> Result<()> {
 /// The weak-form residual of a model whose parameters all have values, on the side of the problem's response.
 pub fn residual(problem: &Problem, model: &Model) -> Vec<f64> {
     let value = |p: &crate::model::Parameter| p.value.unwrap_or(0.0);
+    let direction = problem.direction(model);
     let mut torque = scaled(&problem.input(delay(model)), value(&model.gain));
-    add(&mut torque, -value(&model.coulomb), &problem.coulomb());
+    add(
+        &mut torque,
+        -value(&model.coulomb),
+        &problem.coulomb(&direction),
+    );
     add(&mut torque, -value(&model.viscous), &problem.velocity());
     for term in &model.terms {
         let (inner, coefficients) = term.effect.linear(&values(term), value(&model.coulomb));
-        for (column, c) in problem.effect(term.effect, inner).iter().zip(coefficients) {
+        let columns = problem.effect(term.effect, inner, &direction);
+        for (column, c) in columns.iter().zip(coefficients) {
             add(&mut torque, -c, column);
         }
     }

@@ -39,7 +39,7 @@ pub use recipe::{Control, Motion, Noise, Recipe};
 pub use simulate::simulate;
 
 /// The effects that the first set of the catalogue names.
-pub const FIRST_SET: [&str; 10] = [
+pub const FIRST_SET: [&str; 11] = [
     "direction-asymmetry",
     "viscous-asymmetry",
     "stribeck",
@@ -50,11 +50,11 @@ pub const FIRST_SET: [&str; 10] = [
     "hardening-spring",
     "cogging",
     "delay",
+    "presliding",
 ];
 
 /// Effects outside the first set: to be called unknown, or at least not misnamed badly.
-pub const OTHERS: [&str; 9] = [
-    "presliding",
+pub const OTHERS: [&str; 8] = [
     "position-dependent-friction",
     "thermal-drift",
     "load-dependent-friction",

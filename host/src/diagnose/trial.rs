@@ -5,6 +5,7 @@ use crate::error::Result;
 use crate::identify::Workbench;
 use crate::linear::Score;
 use crate::model::Model;
+use crate::problem::Direction;
 use crate::system::System;
 
 /// The best that an effect can do on top of a model.
@@ -26,6 +27,7 @@ pub(super) struct Base<'a> {
     system: System,
     pub score: Score,
     survey: Survey,
+    direction: Direction,
 }
 
 /// How much the cross-validated squared error falls.
@@ -68,7 +70,8 @@ impl<'a> Base<'a> {
             model,
             system,
             score,
-            survey: bench.problem.survey(),
+            survey: bench.problem.survey(model),
+            direction: bench.problem.direction(model),
         }))
     }
 
@@ -186,7 +189,10 @@ impl<'a> Base<'a> {
         let system = if effect.width() == 0 {
             System::new(&self.bench.problem, &model)?.whitened(&self.bench.noise)
         } else {
-            let columns = self.bench.problem.effect(effect, [inner, shape]);
+            let columns = self
+                .bench
+                .problem
+                .effect(effect, [inner, shape], &self.direction);
             self.system.extended(self.model.terms.len(), &columns, |c| {
                 self.bench.noise.whiten(c)
             })

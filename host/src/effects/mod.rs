@@ -18,8 +18,11 @@ pub struct Point {
     pub v: f64,
     /// `2π` times turns (rotary: the position itself) or metres: what periodic effects count in.
     pub angle: f64,
-    /// Direction of sliding, −1 to 1; a mean over the sampling interval where it changes inside.
+    /// Direction of sliding, −1 to 1; a mean over the sampling interval where it changes inside. Under bristles, their
+    /// force over its level, which follows the direction as far as they yield.
     pub s: f64,
+    /// Rate of the bristles' deflection, rad/s or m/s; zero without bristles.
+    pub bending: f64,
 }
 
 impl Point {
@@ -30,7 +33,13 @@ impl Point {
         } else {
             std::f64::consts::TAU * q
         };
-        Self { q, v, angle, s }
+        Self {
+            q,
+            v,
+            angle,
+            s,
+            bending: 0.0,
+        }
     }
 }
 
@@ -49,6 +58,10 @@ pub struct Survey {
     pub slow: f64,
     /// Smallest and largest position.
     pub travel: (f64, f64),
+    /// Standard deviation of the position noise.
+    pub position_noise: f64,
+    /// Coulomb level, as far as it is known; zero before anything is.
+    pub coulomb: f64,
 }
 
 /// What a parameter measures; the unit follows from it and from the motion.
@@ -202,6 +215,10 @@ pub trait Effect: Sync {
     fn admissible(&self, _coefficients: &[f64]) -> bool {
         true
     }
+    /// Stiffness of bristles between the surfaces, through which all friction then acts; `None` for a stiff contact.
+    fn bristle_stiffness(&self, _parameters: &[f64]) -> Option<f64> {
+        None
+    }
     /// How much later than recorded the input acts, in seconds.
     fn delay(&self, _parameters: &[f64]) -> f64 {
         0.0
@@ -253,6 +270,13 @@ catalogue! {
     hardening_spring::HardeningSpring,
     cogging::Cogging,
     delay::Delay,
+    presliding::Presliding,
+}
+
+/// What friction laws with bristles are made of, beside the effects of the catalogue.
+pub mod law {
+    pub use super::presliding::{BRISTLES, DAMPED_BRISTLES};
+    pub use super::stribeck::{EXPONENTIAL, RATIONAL};
 }
 
 /// Finds an effect by id.
@@ -305,7 +329,6 @@ macro_rules! planned {
 }
 
 planned! {
-    "presliding": "elastic bristle deflection before sliding (Dahl, LuGre)",
     "load-dependent-friction": "friction that grows with the transmitted torque",
     "position-dependent-friction": "friction level that varies with position",
     "thermal-drift": "friction that changes over the run as the axis warms",

@@ -1,5 +1,6 @@
 //! Models of an axis: what is known, what is to be estimated, and what was found.
 
+mod bristles;
 mod file;
 mod kind;
 mod parameter;
@@ -7,6 +8,7 @@ mod place;
 
 use std::collections::BTreeMap;
 
+pub use bristles::Bristles;
 pub use kind::{Constant, Kind};
 pub use parameter::Parameter;
 
@@ -32,7 +34,8 @@ pub enum Law {
     CoulombViscous,
     /// Coulomb, viscous and the exponential Stribeck curve.
     Stribeck,
-    /// The same curve, named for its sticking condition, which every law without a bristle state obeys.
+    /// The same with the exponent 1 (thesis eq. 11), named for its sticking condition, which every law without a bristle
+    /// state obeys.
     Static,
     /// Bristles that deflect and yield at the Coulomb level, and viscous friction.
     Dahl,

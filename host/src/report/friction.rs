@@ -20,7 +20,7 @@ const BINS: usize = 12;
 pub(super) fn section(subject: &Subject, rows: &Rows) -> Result<Section> {
     let (torque, si) = subject.torque();
     let (speed, length) = subject.motion_units();
-    let survey = subject.bench.problem.survey();
+    let survey = subject.bench.problem.survey(subject.after.model);
     // Rounded to a hundredth of the travel's decade: nobody needs to know that the middle is at −1.02·10⁻⁶ m.
     let (low, high) = survey.travel;
     let step = 10f64.powf((high - low).max(f64::MIN_POSITIVE).log10().floor() - 2.0);
@@ -31,7 +31,10 @@ pub(super) fn section(subject: &Subject, rows: &Rows) -> Result<Section> {
         .filter(|&k| rows.sliding[k])
         .map(|k| {
             let v = rows.velocity[k];
-            (v, after.resistance(middle, v, v.signum()) - rows.after[k])
+            (
+                v,
+                after.contact.steady(middle, v, v.signum()) - rows.after[k],
+            )
         })
         .collect();
     let top = rows.velocity.iter().fold(0.0, |a: f64, v| a.max(v.abs()));
@@ -75,7 +78,7 @@ fn curve(axis: &Axis, q: f64, top: f64) -> Vec<(f64, f64)> {
     let side = |s: f64| {
         (0..=CURVE).map(move |k| {
             let v = s * top * (k as f64 / CURVE as f64).powi(2);
-            (v, axis.resistance(q, v, s))
+            (v, axis.contact.steady(q, v, s))
         })
     };
     side(-1.0).rev().chain(side(1.0)).collect()
