@@ -5,6 +5,7 @@ mod demo;
 mod diagnose;
 mod explain;
 mod identify;
+mod method;
 mod output;
 mod simulate;
 mod terminal;

@@ -13,6 +13,7 @@ use crate::error::Error;
 use crate::fit::Fit;
 use crate::format::{self, percent, whole_percent};
 use crate::model::Causality;
+use crate::pem::Outcome;
 
 const BOLD: Style = Style::new().bold();
 const DIM: Style = Style::new().dimmed();
@@ -80,6 +81,32 @@ pub(super) fn identification(parameters: &Estimates, fit: &Fit, causality: Causa
     table(&mut out, parameters);
     let _ = writeln!(out, "{}", fit_line(fit, causality));
     anstream::print!("{out}");
+}
+
+/// Shows what a minimisation did.
+pub(super) fn minimisation(outcome: &Outcome, start: &Fit) {
+    let (objective, rmse) = (outcome.objective, outcome.prediction_rmse);
+    if outcome.kept_start {
+        anstream::println!(
+            "Nothing better than the start was found in {} iterations ({}); its values are kept",
+            outcome.iterations,
+            outcome.reason
+        );
+        return;
+    }
+    anstream::println!(
+        "Prediction errors minimised in {} iterations ({}): objective {:.5} to {:.5}, RMS error {:.3e} to {:.3e}",
+        outcome.iterations,
+        outcome.reason,
+        objective.before,
+        objective.after,
+        rmse.before,
+        rmse.after,
+    );
+    anstream::println!(
+        "The start was off by {} on the held-out part",
+        percent(start.held_out.nrmse, None)
+    );
 }
 
 /// Shows a verdict in short.

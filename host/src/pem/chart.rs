@@ -70,7 +70,7 @@ impl Chart {
             !p.known && p.value.is_some() && !model.is_whole(k)
         });
         Self {
-            coordinates: free.map(|k| coordinate(model, k)).collect(),
+            coordinates: free.filter_map(|k| coordinate(model, k)).collect(),
             model: model.clone(),
         }
     }
@@ -135,24 +135,37 @@ impl Chart {
     }
 }
 
-fn coordinate(model: &Model, k: usize) -> Coordinate {
+/// A parameter whose start is zero, without a bound on its error, has no size to move by: nothing showed it, and it stays.
+fn coordinate(model: &Model, k: usize) -> Option<Coordinate> {
     let label = &model.labels()[k];
     let parameter = model.parameters()[k];
     let value = parameter.value.unwrap_or_default();
     let coulomb = model.coulomb.value.unwrap_or_default();
     let natural = label.effect.is_none() && label.name != "viscous";
     let doubt = parameter.se.filter(|se| se.is_finite()).unwrap_or(0.0);
-    let size = value.abs().max(doubt).max(f64::MIN_POSITIVE.sqrt());
+    let mut size = value.abs().max(doubt);
+    if label.name == "bristle_damping" {
+        // It may be zero; what damps the bristles' own oscillation by a tenth is its size.
+        size = size.max(0.2 * bristle_impedance(model));
+    }
     let (start, scale) = if natural && label.name == "static" && value > coulomb {
         (value - coulomb, Scale::AboveCoulomb)
-    } else if natural && value > 0.0 {
+    } else if natural && label.name != "bristle_damping" && value > 0.0 {
         (value, Scale::Logarithm)
     } else {
         (value, Scale::Size(size))
     };
-    Coordinate {
+    (size > 0.0).then_some(Coordinate {
         parameter: k,
         start,
         scale,
-    }
+    })
+}
+
+/// `√(σ0·J)`.
+fn bristle_impedance(model: &Model) -> f64 {
+    let labels = model.labels();
+    let stiffness = labels.iter().position(|l| l.name == "bristle_stiffness");
+    let stiffness = stiffness.and_then(|k| model.parameters()[k].value);
+    (stiffness.unwrap_or(0.0) * model.inertia.value.unwrap_or(0.0)).sqrt()
 }

@@ -53,6 +53,8 @@ pub struct Outcome {
     pub prediction_rmse: Change,
     /// Standard deviation of the torque noise that the predictor reckons with, N·m or N over one sample.
     pub torque_noise: f64,
+    /// Whether nothing better than the start was found, which was kept.
+    pub kept_start: bool,
     /// Whether it stopped because nothing was left to gain.
     pub converged: bool,
     /// Why it stopped.
@@ -154,6 +156,7 @@ pub fn estimate(
             after: rmse(&sequences, &passes),
         },
         torque_noise: share.value * sequences[0].noise,
+        kept_start: best.0 >= before.0,
         converged,
         reason,
     };
