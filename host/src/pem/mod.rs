@@ -8,16 +8,16 @@ mod predictor;
 mod sequence;
 
 use std::cell::RefCell;
+use std::f64::consts::TAU;
 
 use argmin::core::{CostFunction, Executor};
 use argmin::solver::brent::BrentOpt;
 use nalgebra::DVector;
 use serde::Serialize;
 
-use chart::Chart;
+pub use chart::Chart;
 use objective::{Objective, deviance, filter};
-pub use optimise::Optimiser;
-use optimise::{LeastSquares, minimise};
+pub use optimise::{Ended, LeastSquares, Optimiser, minimise};
 use predictor::Pass;
 use sequence::Sequence;
 
@@ -70,8 +70,10 @@ pub struct Change {
     pub after: f64,
 }
 
-/// Range of the tracking index that is searched: from next to no torque noise to next to no memory.
-const INDEX: (f64, f64) = (1e-5, 10.0);
+/// Range of the filter's natural frequency that is searched, Hz: from memory of seconds to the band in which an axis is
+/// a rigid body and its drive an ideal one. Where readings are so good that likelihood would ask for more, what one-step
+/// predictions get wrong is what the model leaves out above that band, current loops and resonances.
+const BAND: (f64, f64) = (0.05, 7.0);
 /// Relative precision of the tracking index: the likelihood is flat around its maximum.
 const PRECISION: f64 = 0.3;
 /// Rounds at most; each finds new gains.
@@ -237,7 +239,8 @@ impl<'a> Share<'a> {
     /// The filter with the most likely share of torque noise.
     fn filter(&mut self, at: &DVector<f64>) -> Result<Vec<Pass>> {
         if !self.fixed {
-            let (mut low, mut high) = (INDEX.0.ln(), INDEX.1.ln());
+            let index = |f: f64| 2.0 * (TAU * f * self.sequences[0].period).ln();
+            let (mut low, mut high) = (index(BAND.0), index(BAND.1));
             if self.value > 0.0 {
                 let last = (self.value / self.unit).ln();
                 (low, high) = (low.max(last - 2.5), high.min(last + 2.5));
