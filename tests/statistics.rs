@@ -5,7 +5,7 @@
 mod plants;
 
 use bristle::diagnose::{Outcome, Verdict, diagnose};
-use bristle::identify::{Workbench, identify};
+use bristle::identify::{Options, Workbench, identify};
 use bristle::model::{Model, Parameter};
 use bristle::recording::Recording;
 use bristle::system;
@@ -25,7 +25,7 @@ fn examine(recipe: &Recipe) -> (Workbench, Outcome, Case) {
         v: None,
     }];
     let model = Model::parse(&baseline_toml(recipe)).expect("a valid baseline");
-    let (bench, baseline) = identify(&recording, &model).expect("identifies");
+    let (bench, baseline) = identify(&recording, &model, Options::default()).expect("identifies");
     let outcome = diagnose(&bench, &baseline, &recording, &|_| {}).expect("diagnoses");
     (bench, outcome, made.truth)
 }

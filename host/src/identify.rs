@@ -5,6 +5,7 @@ use std::rc::Rc;
 use crate::dictionary::Dictionary;
 use crate::error::{Error, Result};
 use crate::fit::{self, Fit};
+use crate::format::{quantity, whole_percent};
 use crate::linear;
 use crate::model::{Causality, Model, Parameter, Term};
 use crate::noise::Noise;
@@ -19,6 +20,9 @@ use crate::weak::{Balance, Part, Track};
 const HALF_WIDTHS: [f64; 4] = [0.07, 0.1, 0.14, 0.2];
 /// Samples under half a test function at least: below, the trapezoidal sums lose their accuracy.
 const FEWEST_SAMPLES: usize = 8;
+/// Encoder noise in `∫q φ̈` falls with the width to the power −5/2, everything else with −1/2 at most. Where it makes up
+/// this share of the residual variance or less, widening gains little precision and loses resolution in time.
+const MOST_ENCODER_SHARE: f64 = 1.0 / 3.0;
 /// Rows that a fit needs at least.
 const FEWEST_ROWS: usize = 40;
 
@@ -36,9 +40,64 @@ pub struct Workbench {
     pub noise: Noise,
     /// Generic functions of each coordinate.
     pub dictionary: Dictionary,
+    /// How wide the windows are, and why.
+    pub width: Width,
     /// Inertia found with all generic functions in: what a model falls back to that leaves so much out that its own
     /// inertia would be negative.
     robust_inertia: Option<f64>,
+}
+
+/// What the user decides instead of the tool.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Options {
+    /// Half-width of the test functions, s.
+    pub half_width: Option<f64>,
+}
+
+/// A half-width that was tried.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Tried {
+    /// Half-width of the test functions, s.
+    pub half_width: f64,
+    /// Windows in the training part.
+    pub rows: usize,
+    /// Share of the residual variance that encoder noise accounts for; none where there are too few windows to tell.
+    pub encoder_share: Option<f64>,
+}
+
+/// The choice of the windows.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Width {
+    /// What was tried, the last of it chosen.
+    pub tried: Vec<Tried>,
+    /// Whether the user chose.
+    pub asked: bool,
+}
+
+impl Width {
+    /// The choice in a sentence.
+    pub fn reason(&self) -> String {
+        let Some(chosen) = self.tried.last() else {
+            return String::new();
+        };
+        let why = match (self.asked, chosen.encoder_share) {
+            (true, _) => "as asked for".to_owned(),
+            (_, None) => "as the recording is too short for more".to_owned(),
+            (_, Some(share)) if share <= MOST_ENCODER_SHARE => format!(
+                "the narrowest at which encoder noise makes up less than a third of the residual variance ({})",
+                whole_percent(share)
+            ),
+            (_, Some(share)) => format!(
+                "the widest, as encoder noise makes up {} of the residual variance",
+                whole_percent(share)
+            ),
+        };
+        format!(
+            "Test functions of half-width {}, {why}; {} windows.",
+            quantity(1e3 * chosen.half_width, "ms"),
+            chosen.rows
+        )
+    }
 }
 
 /// A model with estimated values, and how well it predicts.
@@ -52,17 +111,21 @@ pub struct Identified {
 }
 
 /// Fits a model to recordings.
-pub fn identify(recordings: &[Recording], model: &Model) -> Result<(Workbench, Identified)> {
-    let bench = Workbench::new(recordings, model)?;
+pub fn identify(
+    recordings: &[Recording],
+    model: &Model,
+    options: Options,
+) -> Result<(Workbench, Identified)> {
+    let bench = Workbench::new(recordings, model, options)?;
     let identified = bench.fit(model, recordings)?;
     Ok((bench, identified))
 }
 
 impl Workbench {
     /// Chooses the width of the windows, lays them out and estimates the noise.
-    pub fn new(recordings: &[Recording], model: &Model) -> Result<Self> {
+    pub fn new(recordings: &[Recording], model: &Model, options: Options) -> Result<Self> {
         let tracks = Problem::tracks(recordings, model.motion, None);
-        let bench = Self::on(&tracks, model)?;
+        let bench = Self::on(&tracks, model, options)?;
         let doubt = bench
             .problem
             .tracks
@@ -72,7 +135,7 @@ impl Workbench {
         match bench.balance(model)? {
             Some(balance) if doubt > LEAST_DOUBT => {
                 let tracks = Problem::tracks(recordings, model.motion, Some(balance));
-                Self::on(&tracks, model)
+                Self::on(&tracks, model, options)
             }
             _ => Ok(bench),
         }
@@ -111,9 +174,9 @@ impl Workbench {
         Ok(usable.then_some(balance))
     }
 
-    fn on(tracks: &[Track], model: &Model) -> Result<Self> {
+    fn on(tracks: &[Track], model: &Model, options: Options) -> Result<Self> {
         let dictionary = Dictionary::new(tracks);
-        let mut problem = choose_width(tracks, &dictionary, model)?;
+        let (mut problem, width) = choose_width(tracks, &dictionary, model, options)?;
         let train = problem.count(Part::Train);
         if train < FEWEST_ROWS {
             return Err(Error::NotIdentifiable(format!(
@@ -133,6 +196,7 @@ impl Workbench {
             folds,
             noise,
             dictionary,
+            width,
             robust_inertia,
         })
     }
@@ -481,11 +545,14 @@ fn follow_everything(
     Ok((residual, columns.len()))
 }
 
-/// The tracks under windows of the narrowest width at which the encoder's noise no longer dominates.
-///
-/// Encoder noise in `∫q φ̈` falls with the width to the power −5/2, everything else with −1/2 at most. Where it makes
-/// up a third of the residual variance or less, widening gains little precision and loses resolution in time.
-fn choose_width(tracks: &[Track], dictionary: &Dictionary, model: &Model) -> Result<Problem> {
+/// The tracks under windows of the narrowest width at which the encoder's noise no longer dominates, or of the width
+/// asked for.
+fn choose_width(
+    tracks: &[Track],
+    dictionary: &Dictionary,
+    model: &Model,
+    options: Options,
+) -> Result<(Problem, Width)> {
     let reach = |track: &Track, width: f64| {
         let most = (track.q.len() / 40).max(FEWEST_SAMPLES);
         ((width / track.period).round() as usize).clamp(FEWEST_SAMPLES, most)
@@ -499,15 +566,30 @@ fn choose_width(tracks: &[Track], dictionary: &Dictionary, model: &Model) -> Res
             Response::Acceleration,
         )
     };
-    for width in HALF_WIDTHS {
+    let widths = options.half_width.map_or(HALF_WIDTHS.to_vec(), |w| vec![w]);
+    let mut chosen = Width {
+        tried: Vec::new(),
+        asked: options.half_width.is_some(),
+    };
+    let last = widths.len() - 1;
+    for (k, width) in widths.into_iter().enumerate() {
         let problem = problem(width);
-        if problem.count(Part::Train) < FEWEST_ROWS
-            || encoder_share(&problem, dictionary, model)? <= 1.0 / 3.0
-        {
-            return Ok(problem);
+        let rows = problem.count(Part::Train);
+        let encoder_share = if rows < FEWEST_ROWS {
+            None
+        } else {
+            Some(encoder_share(&problem, dictionary, model)?)
+        };
+        chosen.tried.push(Tried {
+            half_width: problem.half_width(),
+            rows,
+            encoder_share,
+        });
+        if k == last || encoder_share.is_none_or(|share| share <= MOST_ENCODER_SHARE) {
+            return Ok((problem, chosen));
         }
     }
-    Ok(problem(HALF_WIDTHS[HALF_WIDTHS.len() - 1]))
+    Err(Error::Internal("no width of windows to try".to_owned()))
 }
 
 /// Share of the residual variance that encoder noise accounts for.

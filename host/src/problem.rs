@@ -266,6 +266,12 @@ impl Problem {
         track.start + row.centre as f64 * track.period
     }
 
+    /// Half-width of the widest windows, s.
+    pub fn half_width(&self) -> f64 {
+        let tracks = self.tracks.iter().zip(&self.windows);
+        tracks.fold(0.0, |widest, (t, w)| widest.max(w.reach as f64 * t.period))
+    }
+
     /// Number of rows in a part.
     pub fn count(&self, part: Part) -> usize {
         self.rows.iter().filter(|r| r.part == part).count()

@@ -6,6 +6,7 @@ use crate::model::Model;
 use crate::noise::Noise;
 use crate::problem::Problem;
 use crate::system::{inadmissible, residual};
+use crate::uncertainty::{self, normal_matrix};
 
 /// Most Gauss-Newton steps; from a weak-form start three or four settle it.
 const STEPS: usize = 12;
@@ -44,7 +45,10 @@ pub fn refine(problem: &Problem, model: &mut Model, noise: &Noise, folds: &[Opti
             break;
         }
     }
-    standard_errors(model, &current, &evaluate, folds);
+    let free = free_parameters(model);
+    let jacobian = jacobian(model, &free, &evaluate);
+    let drive = model.gain.value.unwrap_or(1.0) * derivative(model, GAIN, &evaluate).norm();
+    uncertainty::assess(model, &free, &jacobian, &current, &clusters(folds), drive);
     objective.value(model, &current)
 }
 
@@ -106,8 +110,9 @@ impl<F: Fn(&Model) -> DVector<f64>> Objective<'_, F> {
     }
 }
 
-/// Position of the inertia among [`Model::parameters`].
+/// Positions of inertia and gain among [`Model::parameters`].
 const INERTIA: usize = 0;
+const GAIN: usize = 1;
 
 /// No negative inertia, and coefficients that physics allows.
 fn is_physical(model: &Model) -> bool {
@@ -127,19 +132,9 @@ fn jacobian(
     free: &[usize],
     evaluate: &impl Fn(&Model) -> DVector<f64>,
 ) -> DMatrix<f64> {
-    let columns: Vec<DVector<f64>> = free
+    let columns: Vec<_> = free
         .iter()
-        .map(|&k| {
-            let value = model.parameters()[k].value.unwrap_or(0.0);
-            // Central differences: the truncation error falls with the square of this relative step.
-            let h = 1e-4 * value.abs().max(1e-6);
-            let moved = |to: f64| {
-                let mut moved = model.clone();
-                moved.parameters_mut()[k].value = Some(to);
-                evaluate(&moved)
-            };
-            (moved(value + h) - moved(value - h)) / (2.0 * h)
-        })
+        .map(|&k| derivative(model, k, evaluate))
         .collect();
     if columns.is_empty() {
         DMatrix::zeros(0, 0)
@@ -148,83 +143,17 @@ fn jacobian(
     }
 }
 
-/// `JᵀJ` with unit diagonal, and the column norms that were divided out.
-fn normal_matrix(jacobian: &DMatrix<f64>) -> (DMatrix<f64>, Vec<f64>) {
-    let scale: Vec<f64> = jacobian
-        .column_iter()
-        .map(|c| c.norm().max(1e-150))
-        .collect();
-    let mut normal = jacobian.tr_mul(jacobian);
-    for i in 0..scale.len() {
-        for j in 0..scale.len() {
-            normal[(i, j)] /= scale[i] * scale[j];
-        }
-        normal[(i, i)] += 1e-12;
-    }
-    (normal, scale)
-}
-
-/// Gives every free parameter its standard error, and whole numbers one of zero.
-fn standard_errors(
-    model: &mut Model,
-    residual: &DVector<f64>,
-    evaluate: &impl Fn(&Model) -> DVector<f64>,
-    folds: &[Option<usize>],
-) {
-    let free = free_parameters(model);
-    let jacobian = jacobian(model, &free, evaluate);
-    if jacobian.ncols() == 0 {
-        return;
-    }
-    let Some(variances) = variances(&jacobian, residual, &clusters(folds)) else {
-        return;
+/// How the residual moves with parameter `k`.
+fn derivative(model: &Model, k: usize, evaluate: &impl Fn(&Model) -> DVector<f64>) -> DVector<f64> {
+    let value = model.parameters()[k].value.unwrap_or(0.0);
+    // Central differences: the truncation error falls with the square of this relative step.
+    let h = 1e-4 * value.abs().max(1e-6);
+    let moved = |to: f64| {
+        let mut moved = model.clone();
+        moved.parameters_mut()[k].value = Some(to);
+        evaluate(&moved)
     };
-    let whole: Vec<bool> = (0..model.parameters().len())
-        .map(|k| model.is_whole(k))
-        .collect();
-    let mut parameters = model.parameters_mut();
-    for (parameter, _) in parameters
-        .iter_mut()
-        .zip(whole)
-        .filter(|(p, whole)| *whole && !p.known)
-    {
-        parameter.se = Some(0.0);
-    }
-    for (k, variance) in free.into_iter().zip(variances) {
-        parameters[k].se = Some(variance.max(0.0).sqrt());
-    }
-}
-
-/// Variances of estimates from residuals of unit variance, their derivatives and the cluster that each row belongs to.
-///
-/// `(JᵀJ)⁻¹·(Σ over clusters of gradient outer products)·(JᵀJ)⁻¹`: clusters stay independent even where the model or
-/// the noise covariance is not exact (Liang and Zeger 1986). The larger of this and the model-based variance is given;
-/// `None` if the rows do not determine the estimates.
-pub fn variances(
-    jacobian: &DMatrix<f64>,
-    residual: &DVector<f64>,
-    clusters: &[usize],
-) -> Option<Vec<f64>> {
-    let count = jacobian.ncols();
-    let (normal, scale) = normal_matrix(jacobian);
-    let inverse = normal.try_inverse()?;
-    let freedom = residual.len() as f64 / (residual.len() as f64 - count as f64).max(1.0);
-    let sigma2 = (residual.norm_squared() / residual.len() as f64 * freedom).max(1.0);
-    let groups = clusters.iter().max().map_or(0, |c| c + 1);
-    let mut gradients = DMatrix::<f64>::zeros(count, groups.max(1));
-    for (row, &cluster) in clusters.iter().enumerate() {
-        for j in 0..count {
-            gradients[(j, cluster)] += jacobian[(row, j)] / scale[j] * residual[row];
-        }
-    }
-    let small_sample = groups as f64 / (groups as f64 - 1.0).max(1.0);
-    let sandwich = &inverse * (&gradients * gradients.transpose()) * &inverse * small_sample;
-    let variance = |j: usize| (sigma2 * inverse[(j, j)]).max(sandwich[(j, j)]);
-    Some(
-        (0..count)
-            .map(|j| variance(j) / (scale[j] * scale[j]))
-            .collect(),
-    )
+    (moved(value + h) - moved(value - h)) / (2.0 * h)
 }
 
 /// Consecutive training rows of one fold form a cluster.

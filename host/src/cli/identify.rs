@@ -5,13 +5,15 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
+use super::curve;
 use super::diagnose::{json, named, read_all};
 use super::method::{Method, MethodArgs, Minimisation};
 use super::output::{self, Outputs};
+use super::windows::Windows;
 use super::{DONE, Outcome, terminal};
 use crate::diagnose::{Estimates, estimates};
 use crate::fit::Fit;
-use crate::identify::identify;
+use crate::identify::{Tried, identify};
 use crate::model::Model;
 use crate::report;
 
@@ -43,6 +45,8 @@ pub(super) struct Command {
     report: Option<PathBuf>,
     #[command(flatten)]
     how: MethodArgs,
+    #[command(flatten)]
+    windows: Windows,
 }
 
 /// What goes into the JSON.
@@ -56,6 +60,14 @@ struct Identification {
     fit: Fit,
     half_width: Vec<f64>,
     rows: usize,
+    windows: Choice,
+}
+
+/// Why the windows are what they are.
+#[derive(Serialize)]
+struct Choice {
+    reason: String,
+    tried: Vec<Tried>,
 }
 
 impl Command {
@@ -71,6 +83,11 @@ impl Command {
                 self.report.as_ref(),
             ],
         )?;
+        if self.how.curve {
+            let outputs = (self.model_out.as_ref(), self.json.as_ref());
+            self.how.check_curve(self.report.is_some())?;
+            return curve::run(&self.recordings, &self.model, outputs, &self.how);
+        }
         let progress = terminal::progress();
         progress.set_message("reading");
         let model = Model::read_to_fit(&self.model)?;
@@ -78,7 +95,8 @@ impl Command {
         let recordings = read_all(&self.recordings, &model)?;
         progress.set_message("identifying");
         let name = |e| named(e, &self.recordings, &self.model);
-        let (bench, mut identified) = identify(&recordings, &model).map_err(name)?;
+        let (bench, mut identified) =
+            identify(&recordings, &model, self.windows.options()?).map_err(name)?;
         let given = (&model, &recordings[..]);
         let refined = self.how.refine(&mut identified, &bench, given, &progress);
         let minimisation = refined.map_err(name)?;
@@ -96,6 +114,10 @@ impl Command {
                 .map(|(w, t)| w.reach as f64 * t.period)
                 .collect(),
             rows: problem.rows.len(),
+            windows: Choice {
+                reason: bench.width.reason(),
+                tried: bench.width.tried.clone(),
+            },
         };
         let mut outputs = Outputs::default();
         outputs.add(self.model_out.as_ref(), || Ok(identified.model.to_toml()))?;
@@ -109,6 +131,7 @@ impl Command {
             &identification.parameters,
             &identification.fit,
             identified.model.causality,
+            &identification.windows.reason,
         );
         if let Some(minimisation) = &identification.minimisation {
             terminal::minimisation(&minimisation.outcome, &minimisation.fit_at_start);

@@ -50,6 +50,11 @@ pub(super) struct MethodArgs {
     /// Most iterations of pem, nelder-mead and bfgs
     #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..))]
     max_iterations: u32,
+    /// Fit the friction law to the steady-state torque-speed curve: the points at which the recording holds its speed,
+    /// as a staircase of drive levels does. By Levenberg-Marquardt, or the method chosen. An axis, a DC motor or a
+    /// geared servo; the rest of the model stays as it is
+    #[arg(long)]
+    pub curve: bool,
 }
 
 /// What a minimisation did, for the JSON.
@@ -80,9 +85,26 @@ impl MethodArgs {
         if self.horizon.is_some_and(|h| h.is_nan() || h <= 0.0) {
             return refuse("--horizon must be a positive number of seconds");
         }
-        if self.method == Method::Dbi && (self.horizon.is_some() || self.start == Start::Model) {
+        if self.method == Method::Dbi
+            && !self.curve
+            && (self.horizon.is_some() || self.start == Start::Model)
+        {
             return refuse(
                 "--horizon and --start belong to --method pem, nelder-mead and bfgs; DBI predicts nothing and needs no start",
+            );
+        }
+        Ok(())
+    }
+
+    /// Refuses what a curve does not have.
+    pub fn check_curve(&self, report: bool) -> Result<()> {
+        let refuse = |what: &str| Err(Error::Usage(what.to_owned()));
+        if self.horizon.is_some() {
+            return refuse("--horizon belongs to predictions of motion; leave it out with --curve");
+        }
+        if report {
+            return refuse(
+                "--report shows the motion of a complete model; leave it out with --curve, whose --json has the points and the fitted law",
             );
         }
         Ok(())

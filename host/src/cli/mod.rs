@@ -1,6 +1,7 @@
 //! The command line: one verb, one file.
 
 mod bench;
+mod curve;
 mod demo;
 mod diagnose;
 mod explain;
@@ -9,6 +10,7 @@ mod method;
 mod output;
 mod simulate;
 mod terminal;
+mod windows;
 
 use clap::{Parser, Subcommand};
 

@@ -8,6 +8,7 @@ use std::time::Duration;
 use anstyle::{AnsiColor, Style};
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::curve::Curve;
 use crate::diagnose::{Diagnosis, Estimates, Finding, Verdict};
 use crate::error::Error;
 use crate::fit::Fit;
@@ -45,14 +46,13 @@ pub(super) fn error(error: &Error) {
 fn table(out: &mut String, estimates: &Estimates) {
     let width = estimates.keys().map(String::len).max().unwrap_or(0);
     for (name, estimate) in estimates {
-        let given = if estimate.se.is_none() {
-            "  (given)"
-        } else {
-            ""
+        let status = match estimate.status.as_str() {
+            "identified" => String::new(),
+            other => format!("  ({other})"),
         };
         let _ = writeln!(
             out,
-            "  {name:<width$}  {}{DIM}{given}{DIM:#}",
+            "  {name:<width$}  {}{DIM}{status}{DIM:#}",
             format::parameter(estimate.value, estimate.se, estimate.unit)
         );
     }
@@ -76,10 +76,32 @@ fn fit_line(fit: &Fit, causality: Causality) -> String {
 }
 
 /// Shows the outcome of an identification.
-pub(super) fn identification(parameters: &Estimates, fit: &Fit, causality: Causality) {
+pub(super) fn identification(
+    parameters: &Estimates,
+    fit: &Fit,
+    causality: Causality,
+    windows: &str,
+) {
     let mut out = String::new();
     table(&mut out, parameters);
+    let _ = writeln!(out, "{DIM}{windows}{DIM:#}");
     let _ = writeln!(out, "{}", fit_line(fit, causality));
+    anstream::print!("{out}");
+}
+
+/// Shows a fit to the torque-speed curve.
+pub(super) fn curve(estimates: &Estimates, curve: &Curve, unit: &str) {
+    let mut out = String::new();
+    table(&mut out, estimates);
+    let _ = writeln!(
+        out,
+        "{} steady points, off by {:.3e} {unit} RMS ({:.3e} at the start) after {} iterations ({})",
+        curve.points.len(),
+        curve.rmse,
+        curve.rmse_at_start,
+        curve.iterations,
+        curve.reason
+    );
     anstream::print!("{out}");
 }
 
@@ -183,7 +205,12 @@ mod tests {
 
     #[test]
     fn parameters_line_up_with_errors_and_printed_units() {
-        let estimate = |value, se, unit| Estimate { value, se, unit };
+        let estimate = |value, se: Option<f64>, unit| Estimate {
+            value,
+            se,
+            unit,
+            status: se.map_or("given", |_| "identified").to_owned(),
+        };
         let estimates = Estimates::from([
             ("static".to_owned(), estimate(0.3644, Some(0.0131), "N*m")),
             ("gain".to_owned(), estimate(35.150_65, None, "N/V")),

@@ -25,7 +25,7 @@ use crate::model::{Kind, Model};
 use crate::pem::{Chart, LeastSquares, Optimiser, minimise};
 use crate::plant::{DcMotor, geared_servo};
 use crate::recording::Recording;
-use crate::refine;
+use crate::uncertainty;
 use crate::weak::Track;
 
 /// A point of the curve.
@@ -64,7 +64,7 @@ const SPARE: usize = 2;
 const ROUNDS: usize = 2;
 
 /// Names of the parameters that the curve shows.
-const SHOWN: [&str; 5] = [
+pub const SHOWN: [&str; 5] = [
     "coulomb",
     "viscous",
     "static",
@@ -290,17 +290,25 @@ impl Fit<'_> {
     /// Puts the values with their standard errors into a model.
     fn conclude(&self, at: &DVector<f64>, model: &mut Model) {
         let fitted = self.chart.model(at);
-        let variances = self.linearised(at).and_then(|(residuals, jacobian)| {
-            let inverse = self.chart.rates(at).try_inverse()?;
-            let clusters: Vec<usize> = (0..residuals.len()).collect();
-            refine::variances(&(jacobian * inverse), &residuals, &clusters)
-        });
-        for (i, k) in self.chart.parameters().into_iter().enumerate() {
-            let parameter = &mut *model.parameters_mut().swap_remove(k);
-            parameter.value = fitted.parameters()[k].value;
-            let variance = variances.as_ref().map_or(f64::INFINITY, |v| v[i].max(0.0));
-            parameter.se = Some(variance.sqrt());
+        let free = self.chart.parameters();
+        for &k in &free {
+            model.parameters_mut()[k].value = fitted.parameters()[k].value;
         }
+        let inverse = self.chart.rates(at).try_inverse();
+        let Some(((residuals, jacobian), inverse)) = self.linearised(at).zip(inverse) else {
+            return;
+        };
+        let clusters: Vec<usize> = (0..residuals.len()).collect();
+        let square = self.data.iter().map(|p| p.torque * p.torque).sum::<f64>();
+        let drive = square.sqrt() / self.noise;
+        uncertainty::assess(
+            model,
+            &free,
+            &(jacobian * inverse),
+            &residuals,
+            &clusters,
+            drive,
+        );
     }
 }
 

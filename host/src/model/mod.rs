@@ -7,10 +7,11 @@ mod parameter;
 mod place;
 
 use std::collections::BTreeMap;
+use std::fmt;
 
 pub use bristles::Bristles;
 pub use kind::{Constant, Kind};
-pub use parameter::Parameter;
+pub use parameter::{Parameter, Status};
 
 use crate::effects::{Effect, Quantity, Spec};
 pub use crate::motion::Motion;
@@ -99,6 +100,15 @@ pub struct Label {
     pub unit: &'static str,
 }
 
+impl fmt::Display for Label {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.effect {
+            Some(id) => write!(f, "{id}.{}", self.name),
+            None => f.write_str(self.name),
+        }
+    }
+}
+
 impl Model {
     /// All parameters in the order that fits use: inertia, gain, Coulomb, viscous, then the effects'.
     pub fn parameters(&self) -> Vec<&Parameter> {
@@ -134,6 +144,37 @@ impl Model {
     pub fn is_whole(&self, k: usize) -> bool {
         self.spec(k)
             .is_some_and(|spec| spec.quantity.is_whole(self.motion))
+    }
+
+    /// Whether the residual is linear in parameter `k` of [`Model::parameters`] while the others stay.
+    pub fn is_linear(&self, k: usize) -> bool {
+        let mut first = 4;
+        for term in &self.terms {
+            let shape = term.effect.shape().map(|(shape, _)| shape);
+            if let Some(own) = k.checked_sub(first)
+                && own < term.parameters.len()
+            {
+                return Some(own) != term.effect.inner() && Some(own) != shape;
+            }
+            first += term.parameters.len();
+        }
+        true
+    }
+
+    /// Whether a bound of the file or of physics holds parameter `k` of [`Model::parameters`].
+    pub fn at_bound(&self, k: usize) -> bool {
+        let physical = self.physical_bounds(k);
+        let parameter = self.parameters()[k];
+        let bounds = [
+            parameter.min,
+            parameter.max,
+            Some(physical.0),
+            Some(physical.1),
+        ];
+        bounds
+            .into_iter()
+            .flatten()
+            .any(|bound| parameter.value == Some(bound))
     }
 
     fn physical_bounds(&self, k: usize) -> (f64, f64) {
@@ -212,7 +253,7 @@ impl Model {
         };
         let label = &labels[at];
         Some(match (label.effect, label.name) {
-            (Some(id), name) => format!("effects.{id}.{name}"),
+            (Some(_), _) => format!("effects.{label}"),
             (None, name @ ("inertia" | "gain")) => format!("plant.{name}"),
             (None, name) => format!("friction.{name}"),
         })

@@ -24,7 +24,7 @@ use sequence::Sequence;
 use crate::error::{Error, Result};
 use crate::model::{Causality, Model};
 use crate::recording::Recording;
-use crate::refine;
+use crate::uncertainty;
 use crate::weak::Track;
 
 /// How to go about it.
@@ -144,7 +144,7 @@ pub fn estimate(
     }
     let objective = Objective::new(&chart, &sequences, &passes);
     let mut model = chart.model(&at);
-    errors(&mut model, &chart, &objective, &sequences, &passes, &at);
+    errors(&mut model, &chart, &objective, &sequences, &passes, &at)?;
     let outcome = Outcome {
         iterations,
         rounds,
@@ -185,9 +185,9 @@ fn errors(
     sequences: &[Sequence],
     passes: &[Pass],
     at: &DVector<f64>,
-) {
+) -> Result<()> {
     let Some((residuals, jacobian)) = objective.linearised(at) else {
-        return;
+        return Ok(());
     };
     let mut clusters = Vec::with_capacity(residuals.len());
     let mut first = 0;
@@ -197,17 +197,36 @@ fn errors(
         clusters.extend(pass.samples.iter().map(|&k| first + block(k)));
         first = clusters.last().map_or(0, |c| c + 1);
     }
-    let by_parameter = chart
-        .rates(at)
-        .try_inverse()
-        .map(|inverse| jacobian * inverse);
-    let variances = by_parameter.and_then(|j| refine::variances(&j, &residuals, &clusters));
-    let mut parameters = model.parameters_mut();
-    for (i, k) in chart.parameters().into_iter().enumerate() {
-        // Derivatives that are linearly dependent leave no bound on the error.
-        let variance = variances.as_ref().map_or(f64::INFINITY, |v| v[i].max(0.0));
-        parameters[k].se = Some(variance.sqrt());
+    let Some(inverse) = chart.rates(at).try_inverse() else {
+        return Ok(());
+    };
+    let drive = drive(model, sequences, passes)?;
+    let free = chart.parameters();
+    uncertainty::assess(
+        model,
+        &free,
+        &(jacobian * inverse),
+        &residuals,
+        &clusters,
+        drive,
+    );
+    Ok(())
+}
+
+/// Norm of what the drive contributes to the innovations, which are linear in its gain.
+fn drive(model: &Model, sequences: &[Sequence], passes: &[Pass]) -> Result<f64> {
+    let mut driven = model.clone();
+    for parameter in driven.parameters_mut() {
+        parameter.known = true;
     }
+    driven.gain.known = false;
+    let chart = Chart::new(&driven);
+    let at = chart.origin();
+    let found = Objective::new(&chart, sequences, passes).linearised(&at);
+    let (_, jacobian) =
+        found.ok_or_else(|| Error::Internal("no axis at the estimate".to_owned()))?;
+    // The coordinate is the logarithm of the gain.
+    Ok(jacobian.norm())
 }
 
 /// The search for the share of torque noise.
