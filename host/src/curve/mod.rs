@@ -294,6 +294,7 @@ impl Fit<'_> {
         for &k in &free {
             model.parameters_mut()[k].value = fitted.parameters()[k].value;
         }
+        let before = model.clone();
         let inverse = self.chart.rates(at).try_inverse();
         let Some(((residuals, jacobian), inverse)) = self.linearised(at).zip(inverse) else {
             return;
@@ -309,6 +310,12 @@ impl Fit<'_> {
             &clusters,
             drive,
         );
+        // Of the others the curve says nothing.
+        for (k, parameter) in model.parameters_mut().into_iter().enumerate() {
+            if !free.contains(&k) {
+                *parameter = before.parameters()[k].clone();
+            }
+        }
     }
 }
 

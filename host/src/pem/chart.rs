@@ -103,6 +103,20 @@ impl Chart {
         model
     }
 
+    /// The coordinates of the same model that lie within the bounds: beyond them nothing changes, and no derivative
+    /// would lead back.
+    pub fn within(&self, at: &DVector<f64>) -> DVector<f64> {
+        let model = self.model(at);
+        let coordinates = self.coordinates.iter().zip(at.iter()).map(|(c, x)| {
+            let value = model.parameters()[c.parameter].value.unwrap_or_default();
+            match c.scale {
+                Scale::Size(size) => 1.0 + (value - c.start) / size,
+                Scale::Logarithm | Scale::AboveCoulomb => *x,
+            }
+        });
+        DVector::from_iterator(self.len(), coordinates)
+    }
+
     /// Derivatives of the parameters, row by row, by the coordinates.
     pub fn rates(&self, at: &DVector<f64>) -> DMatrix<f64> {
         let rates = self.coordinates.iter().zip(at.iter());
@@ -168,4 +182,68 @@ fn bristle_impedance(model: &Model) -> f64 {
     let stiffness = labels.iter().position(|l| l.name == "bristle_stiffness");
     let stiffness = stiffness.and_then(|k| model.parameters()[k].value);
     (stiffness.unwrap_or(0.0) * model.inertia.value.unwrap_or(0.0)).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Chart;
+    use crate::model::Model;
+
+    const LUGRE: &str = "[plant]\nmotion = \"rotary\"\ninertia = { value = 0.01, known = false }\n[friction]\nmodel = \"lugre\"\ncoulomb = { value = 0.2, known = false }\nviscous = { value = -0.02, known = false }\nstatic = { value = 0.3, known = false }\nstribeck_velocity = 0.5\nbristle_stiffness = { value = 60.0, max = 70.0, known = false }\nbristle_damping = { value = 0.0, known = false }\n";
+
+    fn values(model: &Model) -> Vec<f64> {
+        model.parameters().iter().filter_map(|p| p.value).collect()
+    }
+
+    #[test]
+    fn the_origin_is_the_model_and_known_values_stay() {
+        let model = Model::parse(LUGRE).unwrap();
+        let chart = Chart::new(&model);
+        assert_eq!(chart.len(), 6);
+        for (a, b) in values(&chart.model(&chart.origin()))
+            .iter()
+            .zip(values(&model))
+        {
+            assert!((a - b).abs() < 1e-12);
+        }
+        let far = chart.model(&chart.origin().add_scalar(3.0));
+        let of = |k: usize| far.parameters()[k].value.unwrap();
+        let at = |name: &str| of(far.labels().iter().position(|l| l.name == name).unwrap());
+        // Levels rise by e³ each, the static one above the other; bounds hold; what is known stays.
+        assert!((at("coulomb") - 0.2 * 3f64.exp()).abs() < 1e-9);
+        assert!((at("static") - 0.3 * 3f64.exp()).abs() < 1e-9);
+        assert_eq!(
+            (at("bristle_stiffness"), at("stribeck_velocity")),
+            (70.0, 0.5)
+        );
+        assert!(at("bristle_damping") > 0.0 && at("viscous") > 0.0);
+        // Damping below zero is zero, from where it may rise again.
+        let below = chart.origin().add_scalar(-0.5);
+        assert!(chart.within(&below).iter().any(|x| *x == 1.0));
+        assert_eq!(
+            values(&chart.model(&below)),
+            values(&chart.model(&chart.within(&below)))
+        );
+    }
+
+    #[test]
+    fn rates_are_differences_of_the_parameters() {
+        let model = Model::parse(&LUGRE.replace("max = 70.0, ", "")).unwrap();
+        let chart = Chart::new(&model);
+        let at = chart.origin().add_scalar(0.2);
+        let rates = chart.rates(&at);
+        for k in 0..chart.len() {
+            let mut moved = at.clone();
+            moved[k] += 1e-6;
+            let (a, b) = (chart.model(&at), chart.model(&moved));
+            for (row, p) in chart.parameters().into_iter().enumerate() {
+                let rate =
+                    (b.parameters()[p].value.unwrap() - a.parameters()[p].value.unwrap()) / 1e-6;
+                assert!(
+                    (rate - rates[(row, k)]).abs() < 1e-4 * (1.0 + rate.abs()),
+                    "{row} {k}"
+                );
+            }
+        }
+    }
 }

@@ -1,25 +1,65 @@
-//! Identification by prediction errors, from the values that the weak form gives (or any others).
+//! Identification by prediction errors, from the values that the weak form gives or any others.
 //!
-//! DRAFT
+//! # The predictor
+//! The state `x = (q, v, z)`, with the bristle deflection `z` for laws that have one, is carried from one reading to the next
+//! by the step of the simulator itself, sticking and slipping included, and corrected by what the reading shows:
+//! `x⁻ₖ = f(x⁺ₖ₋₁, uₖ₋₁; θ)`, `eₖ = yₖ − H·x⁻ₖ`, `x⁺ₖ = x⁻ₖ + Kₖ·eₖ`. The gains are those of an extended Kalman filter under
+//! white torque noise, `P⁻ = A·P·Aᵀ + G·Gᵀ`, `s = H·P⁻·Hᵀ + r`, `K = P⁻·Hᵀ/s`, with `A = ∂f/∂x` by differences of the one step
+//! and `G` what noise of one standard deviation does in it. That answers by itself what is corrected at rest: a contact
+//! that sticks has `A` with a row of zeros for `v` and `G = 0`, so that it stays at rest until the drive, or noise of a
+//! likely size, exceeds break-away; in presliding `A` couples `q`, `v` and `z` as the bristles do. A stationary gain, that
+//! of the free double integrator, would push a resting axis and is not used.
+//!
+//! An encoder that repeats a count has said one thing: n equal readings have n times the variance each. Torque noise
+//! is one number, found by likelihood (`share.rs`).
+//!
+//! # The objective
+//! At given gains, half the sum of `eₖ²/sₖ` (Ljung 1999, sec. 3.2 and 7.2; Bohlin 2006; Kristensen, Madsen and
+//! Jørgensen 2004). Rounds of an optimiser alternate with new gains. Far from the truth likelihood asks for much torque
+//! noise, so that the predictor follows the readings and the objective has one valley; as the model gets better the noise
+//! falls and the valley narrows: the homotopy of observer gains (Vyasarayani, Uchida, Carvalho and
+//! McPhee 2011) without a schedule of its own. No trajectory runs on from an
+//! error at a reversal, so that friction's discontinuities do not trap it.
+//!
+//! With a horizon there is no torque noise and prediction starts anew every so many seconds: the output error over
+//! windows whose initial states the filter finds recursively, as multiple shooting does (Bock 1983).
+//!
+//! Which is better was tried with 2 % torque noise, 4096 counts a turn and 25 s at 1 kHz, standard deviation of an
+//! estimate: `LuGre`'s bristle stiffness 0.5 % by innovations, 3.7 % by windows of 0.3 s and 0.6 % by windows of 1 s; inertia
+//! under Coulomb friction 0.05 %, against 0.09 % by both and 0.26 % by windows of 0.1 s. Only for innovations are the standard errors honest, as torque noise makes
+//! the errors within a window depend on each other. Hence the default.
+//!
+//! # Sensitivities
+//! `∂x⁻ₖ/∂θ = A·∂x⁺ₖ₋₁/∂θ + ∂f/∂θ` and `∂x⁺ₖ/∂θ = (I − Kₖ·H)·∂x⁻ₖ/∂θ` at given gains, with derivatives of one step: differences
+//! over a millisecond, which stays within one branch of the friction law but for the step in which it changes.
+//!
+//! # Optimisers
+//! Levenberg-Marquardt, BFGS and Nelder-Mead (Nocedal and Wright 2006, ch. 10, 6 and 9), each a crate's, on coordinates
+//! that are logarithms of what is positive (`chart.rs`). An optimum with a lower likelihood than the start is given up.
+//!
+//! # References
+//! L. Ljung, System Identification: Theory for the User, 2nd ed., Prentice Hall 1999. T. Bohlin, Practical Grey-box Process
+//! Identification, Springer 2006. N. R. Kristensen, H. Madsen, S. B. Jørgensen, Parameter estimation in stochastic grey-box
+//! models, Automatica 40, 2004. C. P. Vyasarayani, T. Uchida, A. Carvalho, J. McPhee,
+//! Parameter identification in dynamic systems using the homotopy optimization approach, Multibody System Dynamics 26, 2011. J. Nocedal, S. J. Wright, Numerical Optimization, 2nd ed., Springer 2006. P. R. Kalata,
+//! The tracking index, IEEE Trans. Aerospace and Electronic Systems 20, 1984.
+
 mod chart;
 mod objective;
 mod optimise;
 mod predictor;
 mod sequence;
+mod share;
 
-use std::cell::RefCell;
-use std::f64::consts::TAU;
-
-use argmin::core::{CostFunction, Executor};
-use argmin::solver::brent::BrentOpt;
 use nalgebra::DVector;
 use serde::Serialize;
 
 pub use chart::Chart;
-use objective::{Objective, deviance, filter};
+use objective::{Objective, deviance};
 pub use optimise::{Ended, LeastSquares, Optimiser, minimise};
 use predictor::Pass;
 use sequence::Sequence;
+use share::Share;
 
 use crate::error::{Error, Result};
 use crate::model::{Causality, Model};
@@ -70,12 +110,6 @@ pub struct Change {
     pub after: f64,
 }
 
-/// Range of the filter's natural frequency that is searched, Hz: from memory of seconds to the band in which an axis is
-/// a rigid body and its drive an ideal one. Where readings are so good that likelihood would ask for more, what one-step
-/// predictions get wrong is what the model leaves out above that band, current loops and resonances.
-const BAND: (f64, f64) = (0.05, 7.0);
-/// Relative precision of the tracking index: the likelihood is flat around its maximum.
-const PRECISION: f64 = 0.3;
 /// Rounds at most; each finds new gains.
 const ROUNDS: usize = 20;
 /// A round that gains less than this many units of `−ln L` was the last.
@@ -123,7 +157,7 @@ pub fn estimate(
         (converged, reason) = (ended.converged, ended.reason);
         let gained = old - value(&ended.at).unwrap_or(f64::INFINITY);
         if gained > 0.0 {
-            at = ended.at;
+            at = chart.within(&ended.at);
         }
         passes = share.filter(&at)?;
         let now = deviance(&passes);
@@ -227,81 +261,4 @@ fn drive(model: &Model, sequences: &[Sequence], passes: &[Pass]) -> Result<f64> 
         found.ok_or_else(|| Error::Internal("no axis at the estimate".to_owned()))?;
     // The coordinate is the logarithm of the gain.
     Ok(jacobian.norm())
-}
-
-/// The search for the share of torque noise.
-struct Share<'a> {
-    chart: &'a Chart,
-    sequences: &'a [Sequence<'a>],
-    /// Torque noise over reading noise at a tracking index of one.
-    unit: f64,
-    fixed: bool,
-    value: f64,
-    evaluations: usize,
-}
-
-impl<'a> Share<'a> {
-    fn new(chart: &'a Chart, sequences: &'a [Sequence<'a>], model: &Model, fixed: bool) -> Self {
-        let period = sequences[0].period;
-        let inertia = model.inertia.value.unwrap_or(1.0);
-        let positions = sequences[0].sees[0] == 1.0;
-        Self {
-            chart,
-            sequences,
-            unit: inertia / period / if positions { period } else { 1.0 },
-            fixed,
-            value: 0.0,
-            evaluations: 0,
-        }
-    }
-
-    /// The filter with the most likely share of torque noise.
-    fn filter(&mut self, at: &DVector<f64>) -> Result<Vec<Pass>> {
-        if !self.fixed {
-            let index = |f: f64| 2.0 * (TAU * f * self.sequences[0].period).ln();
-            let (mut low, mut high) = (index(BAND.0), index(BAND.1));
-            if self.value > 0.0 {
-                let last = (self.value / self.unit).ln();
-                (low, high) = (low.max(last - 2.5), high.min(last + 2.5));
-            }
-            let likelihood = Likelihood {
-                share: self,
-                at,
-                count: RefCell::new(0),
-            };
-            let solver = BrentOpt::new(low, high).set_tolerance(0.0, PRECISION);
-            let run = Executor::new(&likelihood, solver)
-                .configure(|s| s.max_iters(20))
-                .run();
-            let best = run.ok().and_then(|r| r.state.best_param);
-            let index =
-                best.ok_or_else(|| Error::Internal("no share of torque noise found".to_owned()))?;
-            let count = *likelihood.count.borrow();
-            self.evaluations += count;
-            self.value = index.exp() * self.unit;
-        }
-        self.evaluations += 1;
-        filter(self.chart, self.sequences, at, self.value)
-    }
-}
-
-struct Likelihood<'a, 'b> {
-    share: &'b Share<'a>,
-    at: &'b DVector<f64>,
-    count: RefCell<usize>,
-}
-
-impl CostFunction for &Likelihood<'_, '_> {
-    type Param = f64;
-    type Output = f64;
-    fn cost(&self, index: &f64) -> std::result::Result<f64, argmin::core::Error> {
-        *self.count.borrow_mut() += 1;
-        let share = index.exp() * self.share.unit;
-        Ok(deviance(&filter(
-            self.share.chart,
-            self.share.sequences,
-            self.at,
-            share,
-        )?))
-    }
 }

@@ -117,3 +117,68 @@ fn stack(passes: &[Pass]) -> DVector<f64> {
     let all: Vec<f64> = passes.iter().flat_map(|p| p.residuals.clone()).collect();
     DVector::from_vec(all)
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::DVector;
+
+    use super::{LeastSquares, Objective, filter};
+    use crate::axis::Axis;
+    use crate::model::Model;
+    use crate::pem::chart::Chart;
+    use crate::pem::sequence::Sequence;
+    use crate::recording::Recording;
+    use crate::simulate::{State, run};
+    use crate::weak::Track;
+
+    const TRUTH: &str = "[plant]\nmotion = \"rotary\"\ninertia = 0.01\n[friction]\nmodel = \"lugre\"\ncoulomb = 0.2\nviscous = 0.02\nstatic = 0.3\nstribeck_velocity = 0.5\nbristle_stiffness = 60.0\nbristle_damping = 0.3\n";
+
+    /// Sensitivities of a smooth law agree with differences of whole runs of the predictor, at the same gains.
+    #[test]
+    fn sensitivities_are_those_of_the_whole_run() {
+        let truth = Model::parse(TRUTH).unwrap();
+        let t: Vec<f64> = (0..1500).map(|k| f64::from(k) * 1e-3).collect();
+        let mut recording = Recording {
+            path: "made.csv".into(),
+            u: t.iter()
+                .map(|t| 0.5 * (9.0 * t).sin() + 0.3 * (23.0 * t).sin())
+                .collect(),
+            q: None,
+            v: None,
+            t,
+        };
+        let axis = Axis::new(&truth).unwrap();
+        let states = run(&axis, &recording, 0, 1499, State::default());
+        recording.q = Some(
+            states
+                .iter()
+                .map(|s| (s.q * 652.0).round() / 652.0)
+                .collect(),
+        );
+        let track = Track::new(&recording, truth.motion, None);
+        let mut model = truth.clone();
+        for (k, parameter) in model.parameters_mut().into_iter().enumerate() {
+            parameter.known = k == 1;
+            parameter.value = parameter.value.map(|v| if k == 1 { v } else { 1.1 * v });
+        }
+        let chart = Chart::new(&model);
+        assert_eq!(chart.len(), 7);
+        let sequences = [Sequence::new(&recording, &track, f64::INFINITY)];
+        let at = chart.origin();
+        let passes = filter(&chart, &sequences, &at, 5.0).unwrap();
+        let objective = Objective::new(&chart, &sequences, &passes);
+        let (_, jacobian) = objective.linearised(&at).unwrap();
+        for k in 0..7 {
+            const H: f64 = 1e-5;
+            let moved = |h: f64| {
+                let mut x: DVector<f64> = at.clone();
+                x[k] += h;
+                objective.residuals(&x).unwrap()
+            };
+            let whole = (moved(H) - moved(-H)) / (2.0 * H);
+            let error = (&whole - jacobian.column(k)).norm() / whole.norm();
+            // One-sided differences of a step: an error of the size of the step, some times over.
+            assert!(error < 1e-3, "parameter {k}: {error:e}");
+        }
+    }
+}

@@ -278,3 +278,56 @@ fn ended(
         reason,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{DMatrix, DVector};
+
+    use super::{LeastSquares, Optimiser, minimise};
+
+    /// Rosenbrock's valley as a sum of squares: `r = (10·(y − x²), 1 − x)·100`, with its minimum at (1, 1).
+    struct Valley;
+
+    impl LeastSquares for Valley {
+        fn residuals(&self, x: &DVector<f64>) -> Option<DVector<f64>> {
+            Some(DVector::from_vec(vec![
+                1000.0 * (x[1] - x[0] * x[0]),
+                100.0 * (1.0 - x[0]),
+            ]))
+        }
+        fn linearised(&self, x: &DVector<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
+            let slopes = [-2000.0 * x[0], 1000.0, -100.0, 0.0];
+            Some((self.residuals(x)?, DMatrix::from_row_slice(2, 2, &slopes)))
+        }
+    }
+
+    const ALL: [Optimiser; 3] = [
+        Optimiser::LevenbergMarquardt,
+        Optimiser::NelderMead,
+        Optimiser::Bfgs,
+    ];
+
+    #[test]
+    fn each_finds_the_end_of_a_curved_valley() {
+        for optimiser in ALL {
+            let ended = minimise(
+                optimiser,
+                &Valley,
+                &DVector::from_vec(vec![-0.2, 1.0]),
+                1000,
+            );
+            // The objective is known to 0.005, a tenth of a standard error of 0.01 along x.
+            assert!((ended.at[0] - 1.0).abs() < 2e-3, "{optimiser:?}: {ended:?}");
+            assert!(ended.converged && ended.iterations > 1, "{ended:?}");
+        }
+    }
+
+    #[test]
+    fn none_goes_on_beyond_the_iterations_it_may_have() {
+        for optimiser in ALL {
+            let ended = minimise(optimiser, &Valley, &DVector::from_vec(vec![-0.2, 1.0]), 3);
+            assert!(!ended.converged && ended.iterations <= 3, "{ended:?}");
+            assert_eq!(ended.reason, "most iterations reached");
+        }
+    }
+}

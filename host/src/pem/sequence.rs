@@ -12,6 +12,9 @@ use crate::weak::{TRAIN_SHARE, Track};
 /// A pause between samples longer than this many intervals is a gap that nothing is predicted across.
 const GAP: f64 = 5.0;
 
+/// Noise of a reading that counts as none, over the RMS speed.
+const SMALLEST: f64 = 1e-12;
+
 /// The training part of one recording.
 pub struct Sequence<'a> {
     pub recording: &'a Recording,
@@ -51,7 +54,8 @@ impl<'a> Sequence<'a> {
             repeats: repeats(readings),
             restarts: restarts(&recording.t[..count], GAP * track.period, horizon),
             // Of a measured velocity the track knows the noise of its running sum.
-            noise: track.position_noise / if positions { 1.0 } else { track.period },
+            noise: (track.position_noise / if positions { 1.0 } else { track.period })
+                .max(SMALLEST * power.sqrt()),
             period: track.period,
             speed: power.sqrt(),
         }
