@@ -220,10 +220,10 @@ mod tests {
         // Damping below zero is zero, from where it may rise again.
         let below = chart.origin().add_scalar(-0.5);
         assert!(chart.within(&below).iter().any(|x| *x == 1.0));
-        assert_eq!(
-            values(&chart.model(&below)),
-            values(&chart.model(&chart.within(&below)))
-        );
+        let again = chart.model(&chart.within(&below));
+        for (a, b) in values(&chart.model(&below)).iter().zip(values(&again)) {
+            assert!((a - b).abs() < 1e-12);
+        }
     }
 
     #[test]
