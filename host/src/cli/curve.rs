@@ -1,6 +1,6 @@
 //! `bristle identify --curve`: the friction law on the steady-state torque-speed curve.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
@@ -25,14 +25,14 @@ struct CurveFit<'a> {
 /// Fits the law of a model file to the steady points of recordings.
 pub(super) fn run(
     paths: &[PathBuf],
-    model_path: &PathBuf,
+    model_path: &Path,
     (model_out, json_out): (Option<&PathBuf>, Option<&PathBuf>),
     how: &MethodArgs,
 ) -> Outcome {
     let progress = terminal::progress();
     progress.set_message("reading");
     let model = Model::read(model_path)?;
-    let given = how.from_file(&model)?;
+    let given = how.starts_from_file(&model)?;
     let recordings = read_all(paths, &model)?;
     progress.set_message("fitting the curve");
     let optimiser = how.method.optimiser();

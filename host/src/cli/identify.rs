@@ -91,7 +91,7 @@ impl Command {
         let progress = terminal::progress();
         progress.set_message("reading");
         let model = Model::read_to_fit(&self.model)?;
-        self.how.from_file(&model)?;
+        self.how.starts_from_file(&model)?;
         let recordings = read_all(&self.recordings, &model)?;
         progress.set_message("identifying");
         let name = |e| named(e, &self.recordings, &self.model);

@@ -116,7 +116,7 @@ impl MethodArgs {
     }
 
     /// Whether the values of the model file are the start, and if so that it has them.
-    pub fn from_file(&self, model: &Model) -> Result<bool> {
+    pub fn starts_from_file(&self, model: &Model) -> Result<bool> {
         if self.start == Start::Dbi {
             return Ok(false);
         }
@@ -139,7 +139,7 @@ impl MethodArgs {
         let Some(optimiser) = self.method.optimiser() else {
             return Ok(None);
         };
-        if self.from_file(model)? {
+        if self.starts_from_file(model)? {
             identified.model = model.clone();
             identified.fit = fit::judge(model, recordings, &bench.problem.tracks)?;
         }

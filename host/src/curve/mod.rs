@@ -82,22 +82,15 @@ pub fn fit(
 ) -> Result<(Model, Curve)> {
     let data = points(recordings, model)?;
     let mut start = shown(model);
+    enough(&data, &start)?;
     if !given {
         start = begin(&data, &start);
     }
     let chart = Chart::new(&start);
-    if data.len() < chart.len() + SPARE {
-        return Err(Error::NotIdentifiable(format!(
-            "only {} steady points were found, and {} parameters ask for {} at least; hold each of several speeds, slow ones and both directions among them, for 1 s or longer",
-            data.len(),
-            chart.len(),
-            chart.len() + SPARE
-        )));
-    }
     let mut at = chart.origin();
     let scale = data.iter().map(|p| p.torque * p.torque).sum::<f64>() / data.len() as f64;
     let mut noise = 0.01 * scale.sqrt();
-    let spare = (data.len() - chart.len()) as f64;
+    let spare = (data.len() - chart.count()) as f64;
     let (mut iterations, mut last) = (0, None);
     let rmse = |at: &DVector<f64>| {
         let fit = Fit {
@@ -148,6 +141,23 @@ pub fn fit(
         reason: ended.reason,
     };
     Ok((found, curve))
+}
+
+/// Refuses a curve of fewer points than its unknowns ask for.
+fn enough(data: &[Point], model: &Model) -> Result<()> {
+    let free = model.parameters().iter().filter(|p| !p.known).count();
+    let refuse = |what: String| Err(Error::NotIdentifiable(what));
+    if free == 0 {
+        return refuse("the friction law has no unknown that the steady-state curve shows; write \"?\" for those that are to be found".to_owned());
+    }
+    if data.len() < free + SPARE {
+        return refuse(format!(
+            "only {} steady points were found, and {free} parameters ask for {} at least; hold each of several speeds, slow ones and both directions among them, for 1 s or longer",
+            data.len(),
+            free + SPARE
+        ));
+    }
+    Ok(())
 }
 
 /// Steady points of recordings as velocity and torque.

@@ -76,7 +76,7 @@ impl Chart {
     }
 
     /// Number of free parameters.
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.coordinates.len()
     }
 
@@ -87,7 +87,7 @@ impl Chart {
 
     /// Coordinates of the model that the chart was made from.
     pub fn origin(&self) -> DVector<f64> {
-        DVector::from_element(self.len(), 1.0)
+        DVector::from_element(self.count(), 1.0)
     }
 
     /// The model at some coordinates, its parameters kept within their bounds.
@@ -114,14 +114,14 @@ impl Chart {
                 Scale::Logarithm | Scale::AboveCoulomb => *x,
             }
         });
-        DVector::from_iterator(self.len(), coordinates)
+        DVector::from_iterator(self.count(), coordinates)
     }
 
     /// Derivatives of the parameters, row by row, by the coordinates.
     pub fn rates(&self, at: &DVector<f64>) -> DMatrix<f64> {
         let rates = self.coordinates.iter().zip(at.iter());
         let rates: Vec<f64> = rates.map(|(c, x)| c.rate(*x)).collect();
-        DMatrix::from_fn(self.len(), self.len(), |row, column| {
+        DMatrix::from_fn(self.count(), self.count(), |row, column| {
             let (of, by) = (&self.coordinates[row], &self.coordinates[column]);
             let lifted = matches!(of.scale, Scale::AboveCoulomb) && by.parameter == COULOMB;
             if row == column || lifted {
@@ -141,7 +141,7 @@ impl Chart {
         };
         Ok(Family {
             axis: Axis::new(&self.model(at))?,
-            moved: (0..if derivatives { self.len() } else { 0 })
+            moved: (0..if derivatives { self.count() } else { 0 })
                 .map(beside)
                 .collect::<Result<_>>()?,
             placed: self.model.terms.iter().any(|term| !term.in_law),
@@ -199,7 +199,7 @@ mod tests {
     fn the_origin_is_the_model_and_known_values_stay() {
         let model = Model::parse(LUGRE).unwrap();
         let chart = Chart::new(&model);
-        assert_eq!(chart.len(), 6);
+        assert_eq!(chart.count(), 6);
         for (a, b) in values(&chart.model(&chart.origin()))
             .iter()
             .zip(values(&model))
@@ -232,7 +232,7 @@ mod tests {
         let chart = Chart::new(&model);
         let at = chart.origin().add_scalar(0.2);
         let rates = chart.rates(&at);
-        for k in 0..chart.len() {
+        for k in 0..chart.count() {
             let mut moved = at.clone();
             moved[k] += 1e-6;
             let (a, b) = (chart.model(&at), chart.model(&moved));

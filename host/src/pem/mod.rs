@@ -18,7 +18,7 @@
 //! Jørgensen 2004). Rounds of an optimiser alternate with new gains. Far from the truth likelihood asks for much torque
 //! noise, so that the predictor follows the readings and the objective has one valley; as the model gets better the noise
 //! falls and the valley narrows: the homotopy of observer gains (Vyasarayani, Uchida, Carvalho and
-//! McPhee 2011) without a schedule of its own. No trajectory runs on from an
+//! `McPhee` 2011) without a schedule of its own. No trajectory runs on from an
 //! error at a reversal, so that friction's discontinuities do not trap it.
 //!
 //! With a horizon there is no torque noise and prediction starts anew every so many seconds: the output error over
@@ -40,7 +40,7 @@
 //! # References
 //! L. Ljung, System Identification: Theory for the User, 2nd ed., Prentice Hall 1999. T. Bohlin, Practical Grey-box Process
 //! Identification, Springer 2006. N. R. Kristensen, H. Madsen, S. B. Jørgensen, Parameter estimation in stochastic grey-box
-//! models, Automatica 40, 2004. C. P. Vyasarayani, T. Uchida, A. Carvalho, J. McPhee,
+//! models, Automatica 40, 2004. C. P. Vyasarayani, T. Uchida, A. Carvalho, J. `McPhee`,
 //! Parameter identification in dynamic systems using the homotopy optimization approach, Multibody System Dynamics 26, 2011. J. Nocedal, S. J. Wright, Numerical Optimization, 2nd ed., Springer 2006. P. R. Kalata,
 //! The tracking index, IEEE Trans. Aerospace and Electronic Systems 20, 1984.
 
@@ -135,7 +135,7 @@ pub fn estimate(
     let pairs = recordings.iter().zip(tracks);
     let sequences: Vec<Sequence> = pairs.map(|(r, t)| Sequence::new(r, t, horizon)).collect();
     let chart = Chart::new(start);
-    if chart.len() == 0 {
+    if chart.count() == 0 {
         return Err(Error::Usage("every parameter of the model is known, so there is nothing to estimate; write \"?\" for those that are to be found".to_owned()));
     }
     let mut at = chart.origin();

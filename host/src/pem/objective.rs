@@ -10,6 +10,9 @@ use super::predictor::{Gain, Pass, Weighing, pass};
 use super::sequence::Sequence;
 use crate::error::Result;
 
+/// Coordinates with the residuals and the derivatives there.
+type Linearised = (DVector<f64>, DVector<f64>, DMatrix<f64>);
+
 /// Half the sum of squared weighted innovations, in units of their variance at the start: `−ln L` but for a constant.
 pub struct Objective<'a> {
     pub chart: &'a Chart,
@@ -18,7 +21,7 @@ pub struct Objective<'a> {
     /// Root of the mean square of the weighted innovations where the gains were found.
     scale: f64,
     /// Residuals and derivatives found last, with where.
-    last: RefCell<Option<(DVector<f64>, DVector<f64>, DMatrix<f64>)>>,
+    last: RefCell<Option<Linearised>>,
     evaluations: Cell<usize>,
 }
 
@@ -107,7 +110,7 @@ impl LeastSquares for Objective<'_> {
         let residuals = stack(&passes) / self.scale;
         let slopes: Vec<f64> = passes.iter().flat_map(|p| p.slopes.clone()).collect();
         let jacobian =
-            DMatrix::from_row_slice(residuals.len(), self.chart.len(), &slopes) / self.scale;
+            DMatrix::from_row_slice(residuals.len(), self.chart.count(), &slopes) / self.scale;
         *self.last.borrow_mut() = Some((at.clone(), residuals.clone(), jacobian.clone()));
         Some((residuals, jacobian))
     }
@@ -162,7 +165,7 @@ mod tests {
             parameter.value = parameter.value.map(|v| if k == 1 { v } else { 1.1 * v });
         }
         let chart = Chart::new(&model);
-        assert_eq!(chart.len(), 7);
+        assert_eq!(chart.count(), 7);
         let sequences = [Sequence::new(&recording, &track, f64::INFINITY)];
         let at = chart.origin();
         let passes = filter(&chart, &sequences, &at, 5.0).unwrap();
