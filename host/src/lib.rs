@@ -2,11 +2,12 @@
 //!
 //! Data goes one way. A module uses only those before it in this order, which `tests/structure.rs` checks:
 //!
-//! format → motion → error → effects → model → recording → weak → problem → noise → linear → system → normal → uncertainty → refine → dictionary → axis → step → simulate → plant → excite → bench → fit → identify → stream → diagnose → report → cli
+//! format → motion → error → effects → model → recording → weak → problem → noise → linear → system → normal → uncertainty → refine → dictionary → axis → step → simulate → plant → excite → bench → fit → identify → stream → pem → curve → diagnose → report → cli
 
 pub mod axis;
 pub mod bench;
 pub mod cli;
+pub mod curve;
 pub mod diagnose;
 pub mod dictionary;
 pub mod effects;
@@ -20,6 +21,7 @@ pub mod model;
 pub mod motion;
 pub mod noise;
 pub mod normal;
+pub mod pem;
 pub mod plant;
 pub mod problem;
 pub mod recording;

@@ -8,11 +8,13 @@ use std::time::Duration;
 use anstyle::{AnsiColor, Style};
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::curve::Curve;
 use crate::diagnose::{Diagnosis, Estimates, Finding, Verdict};
 use crate::error::Error;
 use crate::fit::Fit;
 use crate::format::{self, percent, whole_percent};
 use crate::model::Causality;
+use crate::pem::Outcome;
 use crate::stream::Progress;
 
 const BOLD: Style = Style::new().bold();
@@ -149,6 +151,48 @@ pub(super) fn identification(
     let _ = writeln!(out, "{DIM}{windows}{DIM:#}");
     let _ = writeln!(out, "{}", fit_line(fit, causality));
     anstream::print!("{out}");
+}
+
+/// Shows a fit to the torque-speed curve.
+pub(super) fn curve(estimates: &Estimates, curve: &Curve, unit: &str) {
+    let mut out = String::new();
+    table(&mut out, estimates);
+    let _ = writeln!(
+        out,
+        "{} steady points, off by {:.3e} {unit} RMS ({:.3e} at the start) after {} iterations ({})",
+        curve.points.len(),
+        curve.rmse,
+        curve.rmse_at_start,
+        curve.iterations,
+        curve.reason
+    );
+    anstream::print!("{out}");
+}
+
+/// Shows what a minimisation did.
+pub(super) fn minimisation(outcome: &Outcome, start: &Fit) {
+    let (objective, rmse) = (outcome.objective, outcome.prediction_rmse);
+    if outcome.kept_start {
+        anstream::println!(
+            "Nothing better than the start was found in {} iterations ({}); its values are kept",
+            outcome.iterations,
+            outcome.reason
+        );
+        return;
+    }
+    anstream::println!(
+        "Prediction errors minimised in {} iterations ({}): objective {:.5} to {:.5}, RMS error {:.3e} to {:.3e}",
+        outcome.iterations,
+        outcome.reason,
+        objective.before,
+        objective.after,
+        rmse.before,
+        rmse.after,
+    );
+    anstream::println!(
+        "The start was off by {} on the held-out part",
+        percent(start.held_out.nrmse, None)
+    );
 }
 
 /// Shows a verdict in short.
