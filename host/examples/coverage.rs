@@ -151,7 +151,8 @@ fn attempt(law: &str, extra: &[&str], seed: u64, set: Set) -> bristle::error::Re
     let slow_speed = stribeck_velocity * log_between(2.0, 5.0);
     let friction = |value: &dyn Fn(&str) -> String| -> String {
         let names = ["coulomb", "viscous"].iter().chain(extra);
-        names.map(|n| format!("{n} = {}\n", value(n))).collect()
+        let lines: Vec<String> = names.map(|n| format!("{n} = {}", value(n))).collect();
+        lines.join("\n")
     };
     let text = |value: &dyn Fn(&str) -> String| {
         format!(
