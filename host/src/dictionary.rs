@@ -4,6 +4,7 @@
 //! systematic, so its residual shows the noise; and the coordinate whose group helps most says where something
 //! that no effect of the catalogue explains lives.
 
+use crate::effects::Path;
 use crate::problem::{Column, Problem, Response};
 use crate::weak::Track;
 
@@ -38,7 +39,7 @@ impl Dictionary {
                 .collect()
         };
         let count = knots(tracks.iter().map(|t| t.cells.len()).sum());
-        let inputs: Vec<Vec<f64>> = tracks.iter().map(|t| t.input(0.0)).collect();
+        let inputs: Vec<Vec<f64>> = tracks.iter().map(|t| t.input(&Path::default())).collect();
         let all_inputs = inputs.iter().flatten().copied().collect();
         let grids = Grids {
             speed: quantiles(every(&|t, k| t.cells[k].v.abs()), count),

@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use crate::axis::Axis;
+use crate::effects::Moment;
 use crate::error::Result;
 use crate::model::{Causality, Model};
 use crate::recording::Recording;
@@ -189,16 +190,25 @@ fn windows(
     }
 }
 
+/// Rounds that settle a resistance of half the input to a thousandth of it.
+const ROUNDS: usize = 10;
+
 /// The input that the model asks for along the measured motion, at every sample.
 pub fn inverse(axis: &Axis, recording: &Recording, track: &Track) -> Vec<f64> {
     let last = track.v.len() - 1;
+    let truth = |k: usize| {
+        axis.truth(State {
+            q: track.q[k],
+            v: track.v[k],
+        })
+    };
     recording
         .t
         .iter()
         .map(|t| {
             let k = (((t - track.start) / track.period).round().max(0.0) as usize).min(last);
             let (a, b) = (k.max(1) - 1, (k + 1).min(last));
-            let acceleration = (track.v[b] - track.v[a]) / ((b - a) as f64 * track.period);
+            let acceleration = (truth(b).v - truth(a).v) / ((b - a) as f64 * track.period);
             // At rest friction balances whatever else acts, which no model of the motion says.
             let rests = track.sliding[k.min(track.sliding.len() - 1)] == 0.0;
             let s = if rests || track.v[k] == 0.0 {
@@ -206,7 +216,18 @@ pub fn inverse(axis: &Axis, recording: &Recording, track: &Track) -> Vec<f64> {
             } else {
                 track.v[k].signum()
             };
-            (axis.inertia * acceleration + axis.resistance(track.q[k], track.v[k], s)) / axis.gain
+            let needed = |u: f64| {
+                let moment = Moment {
+                    t: t - track.start,
+                    dt: track.period,
+                    u,
+                };
+                let resistance = axis.resistance(moment, truth(k), s);
+                (axis.inertia * acceleration + resistance) / axis.gain
+            };
+            // Where the resistance depends on the input itself, less than one to one, iteration settles both.
+            let rounds = if axis.contact.driven() { ROUNDS } else { 1 };
+            (0..rounds).fold(0.0, |u, _| needed(u))
         })
         .collect()
 }

@@ -2,7 +2,7 @@
 //!
 //! Data goes one way. A module uses only those before it in this order, which `tests/structure.rs` checks:
 //!
-//! format → motion → error → effects → model → recording → weak → problem → noise → linear → system → refine → dictionary → axis → step → simulate → plant → excite → bench → fit → identify → diagnose → report → cli
+//! format → motion → error → effects → model → recording → weak → problem → noise → linear → projection → system → scan → refine → dictionary → axis → step → simulate → plant → excite → bench → fit → identify → diagnose → report → cli
 
 pub mod axis;
 pub mod bench;
@@ -21,9 +21,11 @@ pub mod motion;
 pub mod noise;
 pub mod plant;
 pub mod problem;
+pub mod projection;
 pub mod recording;
 pub mod refine;
 pub mod report;
+pub mod scan;
 pub mod simulate;
 pub mod step;
 pub mod system;

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::collections::HashMap;
 use std::rc::Rc;
 
-use crate::effects::{Effect, Inner, Survey};
+use crate::effects::{Effect, Inner, Path, Survey};
 use crate::motion::Motion;
 use crate::recording::Recording;
 use crate::weak::{Balance, Part, Track, Windows};
@@ -32,8 +32,8 @@ pub enum Response {
 /// A column of functionals, one for each row.
 pub type Column = Rc<Vec<f64>>;
 
-/// Key of a cached column set: effect id and the bits of its inner parameters.
-type Key = (&'static str, [u64; 2]);
+/// Key of a cached column set: what it is, and the bits of all that it depends on.
+type Key = (&'static str, Vec<u64>);
 
 /// Tracks, windows and rows, with the columns computed so far.
 pub struct Problem {
@@ -116,17 +116,17 @@ impl Problem {
         })
     }
 
-    /// `∫u(t − delay) φ`.
-    pub fn input(&self, delay: f64) -> Column {
-        self.cached(("input", [delay.to_bits(), 0]), || {
-            vec![self.stack(|t, w| w.hold(t, &t.input(delay)))]
+    /// `∫u φ` of what a path makes of the input.
+    pub fn input(&self, path: &Path) -> Column {
+        self.cached(("input", path.bits().to_vec()), || {
+            vec![self.stack(|t, w| w.hold(t, &t.input(path)))]
         })
         .remove(0)
     }
 
     /// `∫sgn(v) φ`.
     pub fn coulomb(&self) -> Column {
-        self.cached(("coulomb", [0; 2]), || {
+        self.cached(("coulomb", Vec::new()), || {
             vec![self.cells(|t, k| t.cells[k].s)]
         })
         .remove(0)
@@ -134,24 +134,35 @@ impl Problem {
 
     /// `−∫q φ̇`.
     pub fn velocity(&self) -> Column {
-        self.cached(("velocity", [0; 2]), || {
+        self.cached(("velocity", Vec::new()), || {
             vec![self.stack(|t, w| w.velocity(&t.q))]
         })
         .remove(0)
     }
 
-    /// The columns of an effect for values of its inner parameters.
-    pub fn effect(&self, effect: &'static dyn Effect, inner: Inner) -> Vec<Column> {
+    /// The columns of an effect's torque for values of its inner parameters, under the input that a path passes.
+    pub fn effect(&self, effect: &'static dyn Effect, inner: Inner, path: &Path) -> Vec<Column> {
         if effect.width() == 0 {
             return Vec::new();
         }
-        self.cached((effect.id(), inner.map(f64::to_bits)), || {
+        let driven = effect.driven();
+        let mut key = inner.map(f64::to_bits).to_vec();
+        if driven {
+            key.extend(path.bits());
+        }
+        self.cached((effect.id(), key), || {
             let mut columns = vec![Vec::with_capacity(self.rows.len()); effect.width()];
             let mut basis = vec![0.0; effect.width()];
             for (track, windows) in self.tracks.iter().zip(&self.windows) {
+                let input = if driven {
+                    track.input(path)
+                } else {
+                    Vec::new()
+                };
                 let mut signals = vec![Vec::with_capacity(track.cells.len()); effect.width()];
-                for &cell in &track.cells {
-                    effect.basis(inner, cell, &mut basis);
+                for (k, &cell) in track.cells.iter().enumerate() {
+                    let at = input.get(k).map_or(cell, |&u| track.driven(k, u));
+                    effect.basis(inner, at, &mut basis);
                     signals.iter_mut().zip(&basis).for_each(|(s, b)| s.push(*b));
                 }
                 for (column, signal) in columns.iter_mut().zip(&signals) {
@@ -162,9 +173,32 @@ impl Problem {
         })
     }
 
+    /// Mean acceleration and mean velocity of the error in the measured position, for each unit coefficient of an effect.
+    pub fn errors(&self, effect: &'static dyn Effect) -> Vec<[Column; 2]> {
+        let columns = self.cached((effect.id(), Vec::new()), || {
+            let of = |j: usize, functional: fn(&Windows, &[f64]) -> Vec<f64>| {
+                self.stack(|track, windows| {
+                    let mut out = vec![(0.0, 0.0); effect.width()];
+                    let error = |&q: &f64| {
+                        effect.error(q, &mut out);
+                        out[j].0
+                    };
+                    functional(windows, &track.q.iter().map(error).collect::<Vec<f64>>())
+                })
+            };
+            (0..effect.width())
+                .flat_map(|j| [of(j, Windows::acceleration), of(j, Windows::velocity)])
+                .collect()
+        });
+        columns
+            .chunks(2)
+            .map(|pair| [pair[0].clone(), pair[1].clone()])
+            .collect()
+    }
+
     /// The columns of a group of generic functions.
     pub fn generic(&self, group: usize, compute: impl FnOnce() -> Vec<Vec<f64>>) -> Vec<Column> {
-        self.cached(("generic", [group as u64, 0]), compute)
+        self.cached(("generic", vec![group as u64]), compute)
     }
 
     /// What all recordings together cover.
@@ -181,10 +215,12 @@ impl Problem {
             .reduce(|a, b| Survey {
                 motion: a.motion,
                 period: a.period.min(b.period),
+                duration: a.duration.max(b.duration),
                 half_width: a.half_width.max(b.half_width),
                 top_speed: a.top_speed.max(b.top_speed),
                 slow: a.slow.min(b.slow),
                 travel: (a.travel.0.min(b.travel.0), a.travel.1.max(b.travel.1)),
+                input: (a.input.0.max(b.input.0), a.input.1.max(b.input.1)),
             })
             .expect("at least one recording")
     }

@@ -56,7 +56,7 @@ struct Objective<'a, F> {
 
 impl<F: Fn(&Model) -> DVector<f64>> Objective<'_, F> {
     fn value(&self, model: &Model, residual: &DVector<f64>) -> f64 {
-        residual.norm_squared() - model.inertia.value.unwrap_or(0.0).powi(2) * self.encoder_energy
+        residual.norm_squared() - inertia(model).powi(2) * self.encoder_energy
     }
 
     fn gauss_newton(&self, model: &Model, residual: &DVector<f64>) -> Option<Vec<(usize, f64)>> {
@@ -67,9 +67,9 @@ impl<F: Fn(&Model) -> DVector<f64>> Objective<'_, F> {
         }
         let (mut normal, scale) = normal_matrix(&jacobian);
         let mut gradient = jacobian.tr_mul(residual);
-        if free[0] == INERTIA {
-            normal[(0, 0)] -= self.encoder_energy / (scale[0] * scale[0]);
-            gradient[0] -= self.encoder_energy * model.inertia.value.unwrap_or(0.0);
+        if let Some(at) = free.iter().position(|&k| k == model.moving_inertia()) {
+            normal[(at, at)] -= self.encoder_energy / (scale[at] * scale[at]);
+            gradient[at] -= self.encoder_energy * inertia(model);
         }
         let right = DVector::from_fn(gradient.len(), |i, _| -gradient[i] / scale[i]);
         let step = normal.cholesky()?.solve(&right);
@@ -106,12 +106,15 @@ impl<F: Fn(&Model) -> DVector<f64>> Objective<'_, F> {
     }
 }
 
-/// Position of the inertia among [`Model::parameters`].
-const INERTIA: usize = 0;
+/// The inertia that moves, zero if it has no value.
+fn inertia(model: &Model) -> f64 {
+    let parameter = model.parameters()[model.moving_inertia()];
+    parameter.value.unwrap_or(0.0)
+}
 
 /// No negative inertia, and coefficients that physics allows.
 fn is_physical(model: &Model) -> bool {
-    model.inertia.value.is_none_or(|j| j >= 0.0) && inadmissible(model).is_none()
+    inertia(model) >= 0.0 && inadmissible(model).is_none()
 }
 
 /// Indices of the parameters that a fit may move.
@@ -148,11 +151,14 @@ fn jacobian(
     }
 }
 
+/// Norm of a column that is zero.
+const NO_SCALE: f64 = 1e-150;
+
 /// `JᵀJ` with unit diagonal, and the column norms that were divided out.
 fn normal_matrix(jacobian: &DMatrix<f64>) -> (DMatrix<f64>, Vec<f64>) {
     let scale: Vec<f64> = jacobian
         .column_iter()
-        .map(|c| c.norm().max(1e-150))
+        .map(|c| c.norm().max(NO_SCALE))
         .collect();
     let mut normal = jacobian.tr_mul(jacobian);
     for i in 0..scale.len() {
@@ -207,7 +213,13 @@ fn standard_errors(
     }
     for (j, &k) in free.iter().enumerate() {
         let variance = (sigma2 * inverse[(j, j)]).max(sandwich[(j, j)]);
-        parameters[k].se = Some(variance.max(0.0).sqrt() / scale[j]);
+        // What the residual does not depend on at all is not known at all.
+        let known = scale[j] > NO_SCALE;
+        parameters[k].se = Some(if known {
+            variance.max(0.0).sqrt() / scale[j]
+        } else {
+            f64::INFINITY
+        });
     }
 }
 

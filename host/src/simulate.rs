@@ -1,23 +1,37 @@
 //! Free run: a complete model driven by the input of a recording alone.
 
 use crate::axis::Axis;
+use crate::effects::Path;
 use crate::recording::Recording;
 pub use crate::step::State;
 use crate::step::{self, Drive, Mechanism, Memory};
 
-/// Which sample's input acts, under a zero-order hold whose output comes `delay` seconds late.
+/// Which sample's input acts, under a zero-order hold, and where a lag behind it stands.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Hold {
     acting: usize,
+    lagged: f64,
 }
 
+/// Of a lag this many time constants back nothing is left to rounding.
+const FORGOTTEN: f64 = 40.0;
+/// Parts of a hold over which a lagged input acts by its mean.
+const PARTS: f64 = 8.0;
+
 impl Hold {
-    /// The hold at the instant of sample `first`.
-    pub fn at(t: &[f64], first: usize, delay: f64) -> Self {
-        let begun = t.partition_point(|&sample| sample + delay <= t[first]);
-        Self {
-            acting: begun.max(1) - 1,
+    /// The hold at the instant of sample `first`, under the inputs recorded so far.
+    pub fn at(t: &[f64], u: &[f64], first: usize, path: &Path) -> Self {
+        let begun = |instant: f64| t.partition_point(|&sample| sample + path.delay <= instant);
+        let acting = begun(t[first]).max(1) - 1;
+        let from = begun(t[first] - FORGOTTEN * path.lag).max(1) - 1;
+        let value = |k: usize| u.get(k).map_or(0.0, |&u| path.pass(u));
+        let mut lagged = value(from);
+        for k in from..acting {
+            lagged = path.relax(lagged, value(k), t[k + 1] - t[k]).1;
         }
+        let rest = t[first] - path.delay - t[acting];
+        lagged = path.relax(lagged, value(acting), rest.max(0.0)).1;
+        Self { acting, lagged }
     }
 
     /// Advances a mechanism from instant `t[k]` to `t[k + 1]` under the inputs up to now.
@@ -29,21 +43,34 @@ impl Hold {
         load: f64,
         mut state: Memory<N>,
     ) -> Memory<N> {
-        let delay = plant.delay();
+        let path = plant.path();
         let mut now = t[k];
         while now < t[k + 1] {
-            while self.acting + 1 < t.len() && t[self.acting + 1] + delay <= now {
+            while self.acting + 1 < t.len() && t[self.acting + 1] + path.delay <= now {
                 self.acting += 1;
             }
             let switch = t
                 .get(self.acting + 1)
-                .map_or(f64::INFINITY, |next| next + delay);
+                .map_or(f64::INFINITY, |next| next + path.delay);
             let until = switch.min(t[k + 1]);
-            let drive = Drive {
-                u: u[self.acting],
-                load,
+            let passed = path.pass(u[self.acting]);
+            let parts = if path.lag > 0.0 {
+                ((until - now) / path.lag * PARTS).ceil().clamp(1.0, PARTS)
+            } else {
+                1.0
             };
-            state = step::advance(plant, drive, state, until - now);
+            let dt = (until - now) / parts;
+            for part in 0..parts as usize {
+                let mean;
+                (mean, self.lagged) = path.relax(self.lagged, passed, dt);
+                let drive = Drive {
+                    t: now + (part as f64 + 0.5) * dt - t[0],
+                    dt,
+                    u: mean,
+                    load,
+                };
+                state = step::advance(plant, drive, state, dt);
+            }
             now = until;
         }
         state
@@ -61,7 +88,7 @@ pub fn run<const N: usize>(
     let mut states = Vec::with_capacity(last - first + 1);
     states.push(from);
     let mut state = Memory::at_ease(plant, from);
-    let mut hold = Hold::at(&recording.t, first, plant.delay());
+    let mut hold = Hold::at(&recording.t, &recording.u, first, &plant.path());
     for k in first..last {
         state = hold.advance(plant, (&recording.t, &recording.u), k, 0.0, state);
         states.push(plant.measured(&state.x));
@@ -75,7 +102,19 @@ pub fn advance(axis: &Axis, u: f64, state: State, h: f64) -> State {
         x: [state.q, state.v],
         z: 0.0,
     };
-    axis.measured(&step::advance(axis, Drive { u, load: 0.0 }, from, h).x)
+    axis.measured(
+        &step::advance(
+            axis,
+            Drive {
+                u,
+                dt: h,
+                ..Drive::default()
+            },
+            from,
+            h,
+        )
+        .x,
+    )
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use toml_edit::{DocumentMut, Item, Table, TableLike, value};
 use super::kind::{Default, Spec};
 use super::place::{self, Problem, at};
 use super::{Causality, Columns, Constant, Kind, Law, Model, Motion, Parameter, Term};
-use crate::effects::{self, Effect};
+use crate::effects::{self, Effect, Given};
 use crate::error::{Error, Result};
 
 impl Model {
@@ -113,11 +113,12 @@ impl Model {
                 .as_str()
                 .ok_or_else(|| at("name", "name must be text in quotes"))?,
         };
-        terms.extend(effect_terms(
-            section(&document, "effects")?,
+        let axis = Given {
             motion,
-            &terms,
-        )?);
+            driven: causality == Causality::Forward,
+            inertia: inertia.known && gain.known,
+        };
+        terms.extend(effect_terms(section(&document, "effects")?, &axis, &terms)?);
         Ok(Self {
             name: name.to_owned(),
             motion,
@@ -252,11 +253,7 @@ fn constants(
     Ok(constants)
 }
 
-fn effect_terms(
-    section: Option<&dyn TableLike>,
-    motion: Motion,
-    law: &[Term],
-) -> Checked<Vec<Term>> {
+fn effect_terms(section: Option<&dyn TableLike>, axis: &Given, law: &[Term]) -> Checked<Vec<Term>> {
     let Some(section) = section else {
         return Ok(Vec::new());
     };
@@ -272,13 +269,10 @@ fn effect_terms(
                 ),
             ));
         }
-        if !effect.applies(motion) {
+        if let Some(reason) = effect.unsuited(axis) {
             return Err(at(
                 &key,
-                format!(
-                    "[effects.{id}] does not apply to a {} axis; remove the section",
-                    motion.as_str()
-                ),
+                format!("[effects.{id}] does not apply here, because {reason}; remove the section"),
             ));
         }
         let table = item

@@ -29,7 +29,7 @@ pub trait Plant {
     /// Acceleration that a lasting unit of `u` causes, friction and motion aside.
     fn authority(&self) -> f64;
     /// Starts at sample `first` as an encoder would see it so, all that it does not see being at ease.
-    fn start(&mut self, t: &[f64], first: usize, state: State);
+    fn start(&mut self, t: &[f64], u: &[f64], first: usize, state: State);
     /// Advances from instant `t[k]` to `t[k + 1]` under the inputs `u[..=k]` and a load, in N·m or N, that no
     /// recording shows.
     fn advance(&mut self, t: &[f64], u: &[f64], k: usize, load: f64);
@@ -77,9 +77,9 @@ impl<P: Mechanism<N>, const N: usize> Plant for Running<P, N> {
     fn authority(&self) -> f64 {
         self.mechanism.authority()
     }
-    fn start(&mut self, t: &[f64], first: usize, state: State) {
+    fn start(&mut self, t: &[f64], u: &[f64], first: usize, state: State) {
         self.memory = Memory::at_ease(&self.mechanism, state);
-        self.hold = Hold::at(t, first, self.mechanism.delay());
+        self.hold = Hold::at(t, u, first, &self.mechanism.path());
     }
     fn advance(&mut self, t: &[f64], u: &[f64], k: usize, load: f64) {
         self.memory = self
@@ -101,7 +101,7 @@ pub fn follow(
     (0..t.len())
         .map(|k| {
             if t[k] >= restart - 1e-9 {
-                plant.start(t, k, measured(k));
+                plant.start(t, &recording.u, k, measured(k));
                 restart = t[k] + horizon;
             } else {
                 plant.advance(t, &recording.u, k - 1, 0.0);

@@ -4,7 +4,8 @@ use super::page::{Item, Plot, Role, Section, Style};
 use super::points::{Points, bins, dots};
 use super::rows::Rows;
 use super::subject::Subject;
-use crate::axis::Axis;
+use crate::axis::{Axis, State};
+use crate::effects::Moment;
 use crate::error::Result;
 use crate::format::{quantity, scaled_unit};
 
@@ -31,7 +32,7 @@ pub(super) fn section(subject: &Subject, rows: &Rows) -> Result<Section> {
         .filter(|&k| rows.sliding[k])
         .map(|k| {
             let v = rows.velocity[k];
-            (v, after.resistance(middle, v, v.signum()) - rows.after[k])
+            (v, resistance(&after, middle, v, v.signum()) - rows.after[k])
         })
         .collect();
     let top = rows.velocity.iter().fold(0.0, |a: f64, v| a.max(v.abs()));
@@ -70,12 +71,17 @@ pub(super) fn section(subject: &Subject, rows: &Rows) -> Result<Section> {
     })
 }
 
+/// What resists at a place and a speed while nothing drives, at the first instant.
+fn resistance(axis: &Axis, q: f64, v: f64, s: f64) -> f64 {
+    axis.resistance(Moment::default(), State { q, v }, s)
+}
+
 /// Curve of an axis from minus to plus top speed; dense where friction changes most, near zero.
 fn curve(axis: &Axis, q: f64, top: f64) -> Vec<(f64, f64)> {
     let side = |s: f64| {
         (0..=CURVE).map(move |k| {
             let v = s * top * (k as f64 / CURVE as f64).powi(2);
-            (v, axis.resistance(q, v, s))
+            (v, resistance(axis, q, v, s))
         })
     };
     side(-1.0).rev().chain(side(1.0)).collect()
