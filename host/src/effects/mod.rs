@@ -166,6 +166,7 @@ catalogue! {
     hardening_spring::HardeningSpring,
     cogging::Cogging,
     delay::Delay,
+    torque_ripple::TorqueRipple,
 }
 
 /// Finds an effect by id.
@@ -218,20 +219,45 @@ macro_rules! planned {
 }
 
 planned! {
-    "presliding": "elastic bristle deflection before sliding (Dahl, LuGre)",
+    "sensor-eccentricity": "measured position has a once-per-turn error",
+    "actuator-lag": "first-order lag between u and torque (electrical time constant)",
+    "input-dead-zone": "small u produces no torque (inverter dead time, amplifier dead band)",
+    "saturation": "torque limited at large u",
+    "inertia-mismatch": "inertia given as known is wrong",
     "load-dependent-friction": "friction that grows with the transmitted torque",
     "position-dependent-friction": "friction level that varies with position",
     "thermal-drift": "friction that changes over the run as the axis warms",
-    "torque-ripple": "drive gain periodic in position: torque ripple in proportion to u",
-    "backlash": "lost motion between the driven and the measured side",
-    "compliance": "elastic transmission: a resonance between motor and load",
-    "actuator-lag": "first-order lag between u and torque (electrical time constant)",
-    "saturation": "torque limited at large u",
-    "input-dead-zone": "small u produces no torque (inverter dead time, amplifier dead band)",
-    "inertia-mismatch": "inertia given as known is wrong",
-    "sensor-eccentricity": "measured position has a once-per-turn error",
     "periodic-disturbance": "external torque periodic in time",
     "load-step": "external torque that switches on or off at some instant",
+    "presliding": "elastic bristle deflection before sliding (Dahl, LuGre)",
+    "backlash": "lost motion between the driven and the measured side",
+    "compliance": "elastic transmission: a resonance between motor and load",
+}
+
+/// Most periods per turn that are tried.
+const MOST_PER_TURN: u32 = 120;
+/// Most periods within the travel of a linear axis that are tried.
+const MOST_IN_TRAVEL: u32 = 120;
+
+/// Periods per turn, whole numbers from `first` on, or per metre, as far as the travel tells them apart.
+fn periodicities(survey: &Survey, first: u32) -> Vec<f64> {
+    match survey.motion {
+        // Only a whole number of periods closes on itself.
+        Motion::Rotary => (first..=MOST_PER_TURN).map(f64::from).collect(),
+        Motion::Linear => {
+            // Two frequencies are told apart by half a period over the travel; a third of that scans safely.
+            let travel = (survey.travel.1 - survey.travel.0).max(f64::MIN_POSITIVE);
+            (6..=3 * MOST_IN_TRAVEL)
+                .map(|k| f64::from(k) / (3.0 * travel))
+                .collect()
+        }
+    }
+}
+
+/// Why an axis cannot show that its input is cut, if it cannot.
+fn uncut(axis: &Given) -> Option<&'static str> {
+    (!axis.driven)
+        .then_some("under causality = \"inverse\" the input is a reaction, which nothing cuts")
 }
 
 /// `count` values from `low` to `high`, equal ratios apart.
