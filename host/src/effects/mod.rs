@@ -167,6 +167,7 @@ catalogue! {
     cogging::Cogging,
     delay::Delay,
     torque_ripple::TorqueRipple,
+    load_step::LoadStep,
 }
 
 /// Finds an effect by id.
@@ -228,7 +229,6 @@ planned! {
     "position-dependent-friction": "friction level that varies with position",
     "thermal-drift": "friction that changes over the run as the axis warms",
     "periodic-disturbance": "external torque periodic in time",
-    "load-step": "external torque that switches on or off at some instant",
     "presliding": "elastic bristle deflection before sliding (Dahl, LuGre)",
     "backlash": "lost motion between the driven and the measured side",
     "compliance": "elastic transmission: a resonance between motor and load",
