@@ -168,6 +168,7 @@ catalogue! {
     delay::Delay,
     torque_ripple::TorqueRipple,
     load_step::LoadStep,
+    periodic_disturbance::PeriodicDisturbance,
 }
 
 /// Finds an effect by id.
@@ -228,7 +229,6 @@ planned! {
     "load-dependent-friction": "friction that grows with the transmitted torque",
     "position-dependent-friction": "friction level that varies with position",
     "thermal-drift": "friction that changes over the run as the axis warms",
-    "periodic-disturbance": "external torque periodic in time",
     "presliding": "elastic bristle deflection before sliding (Dahl, LuGre)",
     "backlash": "lost motion between the driven and the measured side",
     "compliance": "elastic transmission: a resonance between motor and load",
