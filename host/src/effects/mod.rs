@@ -169,6 +169,7 @@ catalogue! {
     torque_ripple::TorqueRipple,
     load_step::LoadStep,
     periodic_disturbance::PeriodicDisturbance,
+    thermal_drift::ThermalDrift,
 }
 
 /// Finds an effect by id.
@@ -228,7 +229,6 @@ planned! {
     "inertia-mismatch": "inertia given as known is wrong",
     "load-dependent-friction": "friction that grows with the transmitted torque",
     "position-dependent-friction": "friction level that varies with position",
-    "thermal-drift": "friction that changes over the run as the axis warms",
     "presliding": "elastic bristle deflection before sliding (Dahl, LuGre)",
     "backlash": "lost motion between the driven and the measured side",
     "compliance": "elastic transmission: a resonance between motor and load",
