@@ -170,6 +170,7 @@ catalogue! {
     load_step::LoadStep,
     periodic_disturbance::PeriodicDisturbance,
     thermal_drift::ThermalDrift,
+    position_dependent_friction::PositionDependentFriction,
 }
 
 /// Finds an effect by id.
@@ -228,7 +229,6 @@ planned! {
     "saturation": "torque limited at large u",
     "inertia-mismatch": "inertia given as known is wrong",
     "load-dependent-friction": "friction that grows with the transmitted torque",
-    "position-dependent-friction": "friction level that varies with position",
     "presliding": "elastic bristle deflection before sliding (Dahl, LuGre)",
     "backlash": "lost motion between the driven and the measured side",
     "compliance": "elastic transmission: a resonance between motor and load",
