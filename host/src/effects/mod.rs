@@ -171,6 +171,7 @@ catalogue! {
     periodic_disturbance::PeriodicDisturbance,
     thermal_drift::ThermalDrift,
     position_dependent_friction::PositionDependentFriction,
+    load_dependent_friction::LoadDependentFriction,
 }
 
 /// Finds an effect by id.
@@ -228,7 +229,6 @@ planned! {
     "input-dead-zone": "small u produces no torque (inverter dead time, amplifier dead band)",
     "saturation": "torque limited at large u",
     "inertia-mismatch": "inertia given as known is wrong",
-    "load-dependent-friction": "friction that grows with the transmitted torque",
     "presliding": "elastic bristle deflection before sliding (Dahl, LuGre)",
     "backlash": "lost motion between the driven and the measured side",
     "compliance": "elastic transmission: a resonance between motor and load",
