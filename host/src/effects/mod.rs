@@ -172,6 +172,7 @@ catalogue! {
     thermal_drift::ThermalDrift,
     position_dependent_friction::PositionDependentFriction,
     load_dependent_friction::LoadDependentFriction,
+    inertia_mismatch::InertiaMismatch,
 }
 
 /// Finds an effect by id.
@@ -228,7 +229,6 @@ planned! {
     "actuator-lag": "first-order lag between u and torque (electrical time constant)",
     "input-dead-zone": "small u produces no torque (inverter dead time, amplifier dead band)",
     "saturation": "torque limited at large u",
-    "inertia-mismatch": "inertia given as known is wrong",
     "presliding": "elastic bristle deflection before sliding (Dahl, LuGre)",
     "backlash": "lost motion between the driven and the measured side",
     "compliance": "elastic transmission: a resonance between motor and load",
