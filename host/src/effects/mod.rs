@@ -173,6 +173,7 @@ catalogue! {
     position_dependent_friction::PositionDependentFriction,
     load_dependent_friction::LoadDependentFriction,
     inertia_mismatch::InertiaMismatch,
+    saturation::Saturation,
 }
 
 /// Finds an effect by id.
@@ -228,7 +229,6 @@ planned! {
     "sensor-eccentricity": "measured position has a once-per-turn error",
     "actuator-lag": "first-order lag between u and torque (electrical time constant)",
     "input-dead-zone": "small u produces no torque (inverter dead time, amplifier dead band)",
-    "saturation": "torque limited at large u",
     "presliding": "elastic bristle deflection before sliding (Dahl, LuGre)",
     "backlash": "lost motion between the driven and the measured side",
     "compliance": "elastic transmission: a resonance between motor and load",
