@@ -174,6 +174,7 @@ catalogue! {
     load_dependent_friction::LoadDependentFriction,
     inertia_mismatch::InertiaMismatch,
     saturation::Saturation,
+    input_dead_zone::InputDeadZone,
 }
 
 /// Finds an effect by id.
@@ -228,7 +229,6 @@ macro_rules! planned {
 planned! {
     "sensor-eccentricity": "measured position has a once-per-turn error",
     "actuator-lag": "first-order lag between u and torque (electrical time constant)",
-    "input-dead-zone": "small u produces no torque (inverter dead time, amplifier dead band)",
     "presliding": "elastic bristle deflection before sliding (Dahl, LuGre)",
     "backlash": "lost motion between the driven and the measured side",
     "compliance": "elastic transmission: a resonance between motor and load",
