@@ -175,6 +175,7 @@ catalogue! {
     inertia_mismatch::InertiaMismatch,
     saturation::Saturation,
     input_dead_zone::InputDeadZone,
+    actuator_lag::ActuatorLag,
 }
 
 /// Finds an effect by id.
@@ -228,7 +229,6 @@ macro_rules! planned {
 
 planned! {
     "sensor-eccentricity": "measured position has a once-per-turn error",
-    "actuator-lag": "first-order lag between u and torque (electrical time constant)",
     "presliding": "elastic bristle deflection before sliding (Dahl, LuGre)",
     "backlash": "lost motion between the driven and the measured side",
     "compliance": "elastic transmission: a resonance between motor and load",
