@@ -176,6 +176,7 @@ catalogue! {
     saturation::Saturation,
     input_dead_zone::InputDeadZone,
     actuator_lag::ActuatorLag,
+    sensor_eccentricity::SensorEccentricity,
 }
 
 /// Finds an effect by id.
@@ -228,7 +229,6 @@ macro_rules! planned {
 }
 
 planned! {
-    "sensor-eccentricity": "measured position has a once-per-turn error",
     "presliding": "elastic bristle deflection before sliding (Dahl, LuGre)",
     "backlash": "lost motion between the driven and the measured side",
     "compliance": "elastic transmission: a resonance between motor and load",
