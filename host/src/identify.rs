@@ -246,7 +246,13 @@ impl Workbench {
 
     /// A model as the ground for one more term; `None` if the recordings do not determine it.
     pub fn ground<'a>(&'a self, model: &'a Model) -> Result<Option<Ground<'a>>> {
-        Ground::new(&self.problem, &self.noise, &self.folds, model)
+        Ground::new(
+            &self.problem,
+            &self.noise,
+            &self.folds,
+            model,
+            self.robust_inertia,
+        )
     }
 }
 

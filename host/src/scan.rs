@@ -16,6 +16,7 @@ pub struct Ground<'a> {
     noise: &'a Noise,
     folds: &'a [Option<usize>],
     model: &'a Model,
+    robust_inertia: Option<f64>,
     /// The whitened system of the model.
     pub system: System,
     /// Its score.
@@ -40,6 +41,8 @@ const GOLDEN_STEPS: usize = 10;
 const BLOCKS: usize = 64;
 /// Frequencies up to this number over the half-width pass the test functions with a tenth of their amplitude.
 const PASSED: f64 = 0.8;
+/// An inertia that differs from a robust estimate by more than this factor is a sign that a term took its place.
+const IMPLAUSIBLE: f64 = 3.0;
 /// Resolution cells below which a line is a drift.
 const SLOWEST_LINE: usize = 2;
 
@@ -50,6 +53,7 @@ impl<'a> Ground<'a> {
         noise: &'a Noise,
         folds: &'a [Option<usize>],
         model: &'a Model,
+        robust_inertia: Option<f64>,
     ) -> Result<Option<Self>> {
         let system = System::new(problem, model)?.whitened(noise);
         Ok(system.score(folds).map(|score| Self {
@@ -57,6 +61,7 @@ impl<'a> Ground<'a> {
             noise,
             folds,
             model,
+            robust_inertia,
             system,
             score,
             survey: problem.survey(),
@@ -134,7 +139,42 @@ impl<'a> Ground<'a> {
                 self.refine(term, 1, (border(off - 1), border(off + 1)), &mut found)?;
             }
         }
+        if off == BLOCKS {
+            self.end_later(term, &mut found);
+        }
         Ok(Some(found))
+    }
+
+    /// Where what is on at the end of the training part goes off in the held-out part, if it does: no past tells such an
+    /// instant, so it is read off there, with everything else as the training part says.
+    fn end_later(&self, term: &Term, found: &mut Found) {
+        let (from, to) = (TRAIN_SHARE * self.survey.duration, self.survey.duration);
+        let mut model = self.model_with(term, found.inner);
+        let columns = system::columns(self.problem, &model, &model.terms[model.terms.len() - 1]);
+        let system = self
+            .system
+            .extended(&model, &columns, |c| self.noise.whiten(c));
+        system.decode(&found.score.beta, &mut model);
+        let error = |off: f64| -> f64 {
+            let mut model = model.clone();
+            if let Some(last) = model.terms.last_mut() {
+                set_inner(last, [found.inner[0], off]);
+            }
+            let z = self.noise.whiten(&system::residual(self.problem, &model));
+            let rows = z.iter().zip(&self.problem.rows);
+            rows.filter(|(_, row)| row.part == Part::HeldOut)
+                .map(|(z, _)| z * z)
+                .sum()
+        };
+        let borders = (0..BLOCKS).map(|k| from + (to - from) * k as f64 / BLOCKS as f64);
+        let ends = borders.map(|off| (error(off), off));
+        let Some((least, off)) = ends.min_by(|a, b| a.0.total_cmp(&b.0)) else {
+            return;
+        };
+        let price = 2.0 * (BLOCKS as f64).ln() + (self.problem.count(Part::HeldOut) as f64).ln();
+        if error(found.inner[1]) - least > price {
+            found.inner[1] = off;
+        }
     }
 
     fn on_line(&self, term: &Term) -> Result<Option<Found>> {
@@ -225,7 +265,21 @@ impl<'a> Ground<'a> {
                 .extended(&model, &columns, |c| self.noise.whiten(c))
         };
         let score = system.score(self.folds);
-        Ok(score.filter(|s| system.decode(&s.beta, &mut model)))
+        Ok(score.filter(|s| system.decode(&s.beta, &mut model) && self.plausible(&model)))
+    }
+
+    /// Whether a term left the inertia what it was, within reason: one next to proportional to the drive can take the
+    /// place of all acceleration.
+    fn plausible(&self, model: &Model) -> bool {
+        let inertia = |model: &Model| model.parameters()[model.moving_inertia()].clone();
+        let (now, before) = (inertia(model), inertia(self.model));
+        let (Some(robust), Some(value)) = (self.robust_inertia, now.value) else {
+            return true;
+        };
+        let off = |value: f64| (value / robust).ln().abs();
+        now.known
+            || off(value) <= IMPLAUSIBLE.ln()
+            || before.value.is_some_and(|before| off(value) <= off(before))
     }
 
     /// Golden-section search for one inner parameter within a bracket, from what was found so far.

@@ -152,10 +152,14 @@ impl<'a> Trial<'a> {
             let torque: Vec<f64> = out.trace.iter().map(|p| e.torque(p, &self.axis)).collect();
             // The encoder's noise in u is not what a delay is seen by: look below 50 Hz.
             let average = match e.law {
-                Law::Delay => (0.01 * self.recipe.rate) as usize,
+                Law::Delay | Law::ActuatorLag => (0.01 * self.recipe.rate) as usize,
                 _ => 0,
             };
-            remainder(&out.trace, &torque, average) / u_rms
+            match e.law {
+                // All of it is what a free inertia imitates; the model's is given.
+                Law::InertiaMismatch { .. } => rms(&torque) / u_rms,
+                _ => remainder(&out.trace, &torque, average) / u_rms,
+            }
         };
         self.axis.effects.iter().map(size).collect()
     }
@@ -216,7 +220,13 @@ impl Effect {
             load: p.u.abs(),
         };
         match self.law {
-            Law::Delay => p.late,
+            Law::Delay | Law::ActuatorLag => p.late,
+            Law::InertiaMismatch { .. } => axis.inertia * p.a * self.x,
+            Law::SensorEccentricity { phase } => {
+                // The second derivative of the error, which the encoder feigns.
+                let (sin, cos) = (p.q + phase).sin_cos();
+                axis.inertia * self.x * (cos * p.a - sin * p.v * p.v)
+            }
             Law::Presliding { .. } => axis.coulomb * p.side - p.bristle,
             _ => {
                 let friction = self.friction(p.v.abs(), p.side, &at);
@@ -236,7 +246,7 @@ impl Effect {
         };
         *last = Some(here);
         self.x *= ((wanted.ln() - here.1) / slope).clamp(-1.5, 1.5).exp();
-        if matches!(self.law, Law::Delay) {
+        if matches!(self.law, Law::Delay | Law::ActuatorLag) {
             self.x = self.x.clamp(1e-3, 8e-3);
         }
     }

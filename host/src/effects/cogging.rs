@@ -22,7 +22,6 @@ use crate::format::{quantity, shortest};
 
 pub(super) struct Cogging;
 
-
 impl Effect for Cogging {
     fn id(&self) -> &'static str {
         "cogging"
