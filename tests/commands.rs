@@ -493,7 +493,7 @@ fn options_that_do_not_go_together_are_refused() {
 fn models_that_cannot_be_simulated_are_refused() {
     let folder = Folder::with(PLAIN, SECONDS);
     let motor = "kind = \"dc-motor\"\ninertia = 1\nresistance = 2.6\ninductance = 1e-3";
-    let jump = format!("{LUGRE}\n[effects.stribeck]\nstatic = 0.3\nstribeck_velocity = 0.1");
+    let twice = format!("{LUGRE}\n[effects.stribeck]\nstatic = 0.3\nstribeck_velocity = 0.1");
     let inverse = format!("{ROTARY}\ncausality = \"inverse\"");
     for (text, said) in [
         (BASELINE.to_owned(), "no value for plant.inertia"),
@@ -509,7 +509,7 @@ fn models_that_cannot_be_simulated_are_refused() {
             truth(&format!("motion = \"linear\"\n{motor}"), COULOMB),
             "line 2: plant.kind = \"dc-motor\" turns",
         ),
-        (truth(ROTARY, &jump), "effects.stribeck"),
+        (truth(ROTARY, &twice), "effects.stribeck"),
         (truth(&inverse, COULOMB), "causality"),
     ] {
         folder.write("truth.toml", text);
@@ -521,20 +521,6 @@ fn models_that_cannot_be_simulated_are_refused() {
             )],
         );
     }
-    folder.write("lugre.toml", truth(ROTARY, LUGRE));
-    refused(
-        &folder,
-        &[
-            (
-                "identify run.csv --model lugre.toml --model-out out.csv",
-                "line 5: friction.model",
-            ),
-            (
-                "diagnose run.csv --model lugre.toml --model-out out.csv",
-                "does not fit yet",
-            ),
-        ],
-    );
 }
 
 #[test]

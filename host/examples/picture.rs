@@ -11,7 +11,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use bristle::diagnose::diagnose;
-use bristle::identify::identify;
+use bristle::identify::{Options, identify};
 use bristle::model::Model;
 use bristle::recording::Recording;
 use bristle::system;
@@ -38,7 +38,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let model = Model::read(&folder.join("baseline.toml"))?;
     let path = folder.join("recording.csv");
     let recordings = [Recording::read(&path, &model.columns, model.motion)?];
-    let (bench, baseline) = identify(&recordings, &model)?;
+    let (bench, baseline) = identify(&recordings, &model, Options::default())?;
     let outcome = diagnose(&bench, &baseline, &recordings, &|_| {})?;
     let fit = &outcome.diagnosis.fit;
     let cloud = |what: &str, colour, model: &Model, error: f64| {

@@ -2,11 +2,11 @@
 
 use std::cmp::Ordering;
 
-use bristle_core::friction::{CoulombViscous, Dahl, Dynamic, Friction, LuGre, ModifiedLuGre};
+use bristle_core::friction::{CoulombViscous, Dynamic, Friction};
 
 use crate::effects::{Effect, Inner, Moment, Path, Point, Seat};
 use crate::error::{Error, Result};
-use crate::model::{Law, Model, Parameter, Term};
+use crate::model::{Bristles, Model, Parameter, Term};
 use crate::motion::Motion;
 use crate::system;
 
@@ -41,26 +41,13 @@ pub struct Axis {
     errors: Vec<(&'static dyn Effect, Vec<f64>)>,
 }
 
-/// A friction law with a bristle state.
-type Bristles = Box<dyn Dynamic<f64> + Send + Sync>;
-
 /// Room for the basis of any effect.
 const WIDEST: usize = 4;
 
 impl Contact {
     /// The friction law and the effects of a model in which every value is known.
-    ///
-    /// Fails if an effect jumps where velocity changes sign and the law is one of bristles, whose force cannot jump.
-    pub fn new(model: &Model) -> Result<Self> {
-        let contact = Self::law(model).with_effects(model);
-        match contact.jumping() {
-            Some(effect) if contact.bristles.is_some() => Err(Error::Usage(format!(
-                "[effects.{}] jumps where velocity changes sign, which friction.model = {:?} with its bristles cannot hold; leave the effect out, or use the law \"stribeck\" or \"coulomb-viscous\"",
-                effect.id(),
-                model.law.as_str()
-            ))),
-            _ => Ok(contact),
-        }
+    pub fn new(model: &Model) -> Self {
+        Self::law(model).with_effects(model)
     }
 
     /// The friction law of a model alone.
@@ -70,11 +57,12 @@ impl Contact {
             coulomb: value(&model.coulomb),
             viscous: value(&model.viscous),
         };
-        let bristles = bristles(model, law);
+        let bristles = model.bristles();
+        let within = |term: &Term| bristles.is_some() && term.is_of_contact();
         Self {
+            terms: numbers(model, |term| term.in_law && !within(term)),
             law: if bristles.is_some() { NONE } else { law },
             bristles,
-            terms: numbers(model, |term| term.in_law),
             motion: model.motion,
         }
     }
@@ -91,7 +79,10 @@ impl Contact {
     }
 
     fn with_effects(mut self, model: &Model) -> Self {
-        self.terms.extend(numbers(model, |term| !term.in_law));
+        let bristles = model.bristle_term().is_some();
+        let within = |term: &Term| bristles && term.is_of_contact();
+        self.terms
+            .extend(numbers(model, |term| !term.in_law && !within(term)));
         self
     }
 
@@ -128,7 +119,15 @@ impl Contact {
         self.terms.iter().any(|(effect, ..)| effect.driven())
     }
 
-    /// Everything that resists motion at `q`, `v` while sliding in direction `s`, in N·m or N, but for bristles.
+    /// Everything that resists steady sliding in direction `s`, in N·m or N, while nothing drives, at the first instant.
+    pub fn steady(&self, state: State, s: f64) -> f64 {
+        let v = state.v;
+        let bristles = |law: &Bristles| s * law.level(v) + law.viscosity() * v;
+        self.resistance(Moment::default(), state, s) + self.bristles.as_ref().map_or(0.0, bristles)
+    }
+
+    /// Everything that resists motion at `q`, `v` while sliding in direction `s`, in N·m or N, but for bristles; under
+    /// these, `s` is their force over its level.
     pub fn resistance(&self, moment: Moment, State { q, v }: State, s: f64) -> f64 {
         // The branch of direction s goes on smoothly past v = 0, by reflection at the level it starts from: an
         // integration step may look a little way beyond the standstill that it will be cut at.
@@ -161,39 +160,6 @@ const NONE: CoulombViscous<f64> = CoulombViscous {
     coulomb: 0.0,
     viscous: 0.0,
 };
-
-/// The law with a bristle state that a model names, if it names one.
-fn bristles(model: &Model, law: CoulombViscous<f64>) -> Option<Bristles> {
-    let CoulombViscous { coulomb, viscous } = law;
-    let constant = |name: &str| model.constant(&format!("friction.{name}"));
-    let bristle_stiffness = constant("bristle_stiffness");
-    let (static_level, stribeck_velocity) = (constant("static"), constant("stribeck_velocity"));
-    let bristle_damping = constant("bristle_damping");
-    match model.law {
-        Law::CoulombViscous | Law::Stribeck | Law::Static => None,
-        Law::Dahl => Some(Box::new(Dahl {
-            coulomb,
-            viscous,
-            bristle_stiffness,
-        })),
-        Law::LuGre => Some(Box::new(LuGre {
-            coulomb,
-            viscous,
-            static_level,
-            stribeck_velocity,
-            bristle_stiffness,
-            bristle_damping,
-        })),
-        Law::ModifiedLuGre => Some(Box::new(ModifiedLuGre {
-            coulomb,
-            viscous,
-            static_level,
-            stribeck_velocity,
-            bristle_stiffness,
-            bristle_damping,
-        })),
-    }
-}
 
 /// Some of a model's terms in linear form.
 fn numbers(
@@ -242,14 +208,9 @@ impl Axis {
             inertia: moving.value.unwrap_or_default(),
             gain: model.gain.value.unwrap_or_default(),
             path: system::path(model),
-            contact: Contact::new(model)?,
+            contact: Contact::new(model),
             errors: errors.collect(),
         })
-    }
-
-    /// Everything that resists motion while sliding in direction `s`, in N·m or N.
-    pub fn resistance(&self, moment: Moment, state: State, s: f64) -> f64 {
-        self.contact.resistance(moment, state, s)
     }
 
     /// Error of a measured position, and its slope.

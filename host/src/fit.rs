@@ -202,6 +202,7 @@ pub fn inverse(axis: &Axis, recording: &Recording, track: &Track) -> Vec<f64> {
             v: track.v[k],
         })
     };
+    let bent = axis.contact.bristles().map(|law| (law, track.bend(law)));
     recording
         .t
         .iter()
@@ -209,12 +210,18 @@ pub fn inverse(axis: &Axis, recording: &Recording, track: &Track) -> Vec<f64> {
             let k = (((t - track.start) / track.period).round().max(0.0) as usize).min(last);
             let (a, b) = (k.max(1) - 1, (k + 1).min(last));
             let acceleration = (truth(b).v - truth(a).v) / ((b - a) as f64 * track.period);
-            // At rest friction balances whatever else acts, which no model of the motion says.
-            let rests = track.sliding[k.min(track.sliding.len() - 1)] == 0.0;
-            let s = if rests || track.v[k] == 0.0 {
-                0.0
+            let state = truth(k);
+            let (s, bristles) = if let Some((law, bent)) = &bent {
+                let bent = bent[k.min(bent.len() - 1)];
+                let s = bent.direction;
+                let force =
+                    s * law.level(state.v) + law.damping() * bent.rate + law.viscosity() * state.v;
+                (s, force)
             } else {
-                track.v[k].signum()
+                // At rest friction balances whatever else acts, which no model of the motion says.
+                let rests = track.sliding[k.min(track.sliding.len() - 1)] == 0.0;
+                let still = rests || state.v == 0.0;
+                (if still { 0.0 } else { state.v.signum() }, 0.0)
             };
             let needed = |u: f64| {
                 let moment = Moment {
@@ -222,8 +229,8 @@ pub fn inverse(axis: &Axis, recording: &Recording, track: &Track) -> Vec<f64> {
                     dt: track.period,
                     u,
                 };
-                let resistance = axis.resistance(moment, truth(k), s);
-                (axis.inertia * acceleration + resistance) / axis.gain
+                let friction = axis.contact.resistance(moment, state, s) + bristles;
+                (axis.inertia * acceleration + friction) / axis.gain
             };
             // Where the resistance depends on the input itself, less than one to one, iteration settles both.
             let rounds = if axis.contact.driven() { ROUNDS } else { 1 };

@@ -2,7 +2,7 @@
 //!
 //! Data goes one way. A module uses only those before it in this order, which `tests/structure.rs` checks:
 //!
-//! format → motion → error → effects → model → recording → weak → problem → noise → linear → projection → system → scan → refine → dictionary → axis → step → simulate → plant → excite → bench → fit → identify → diagnose → report → cli
+//! format → motion → error → effects → model → recording → weak → problem → noise → linear → projection → system → scan → uncertainty → refine → dictionary → axis → step → simulate → plant → excite → bench → fit → identify → diagnose → report → cli
 
 pub mod axis;
 pub mod bench;
@@ -29,4 +29,5 @@ pub mod scan;
 pub mod simulate;
 pub mod step;
 pub mod system;
+pub mod uncertainty;
 pub mod weak;

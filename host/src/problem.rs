@@ -4,10 +4,11 @@ use std::cell::RefCell;
 use std::collections::HashMap;
 use std::rc::Rc;
 
-use crate::effects::{Effect, Inner, Path, Survey};
+use crate::effects::{Effect, Inner, Path, Point, Survey};
+use crate::model::Model;
 use crate::motion::Motion;
 use crate::recording::Recording;
-use crate::weak::{Balance, Part, Track, Windows};
+use crate::weak::{Balance, Bent, Part, Track, Windows};
 
 /// One row: a window of one track.
 #[derive(Clone, Copy, Debug)]
@@ -32,8 +33,32 @@ pub enum Response {
 /// A column of functionals, one for each row.
 pub type Column = Rc<Vec<f64>>;
 
+/// Bits of what the bristles of a model depend on; zeros without bristles.
+type Bristled = [u64; 5];
+
 /// Key of a cached column set: what it is, and the bits of all that it depends on.
 type Key = (&'static str, Vec<u64>);
+
+/// The direction in which friction acts in every cell of every track: that of sliding, or that of bristles.
+#[derive(Clone, Default)]
+pub struct Direction {
+    bristled: Bristled,
+    bent: Option<Rc<Vec<Vec<Bent>>>>,
+}
+
+impl Direction {
+    /// The cell of a track as effects see it.
+    fn point(&self, track: usize, cell: usize, at: Point) -> Point {
+        match &self.bent {
+            None => at,
+            Some(bent) => Point {
+                s: bent[track][cell].direction,
+                bending: bent[track][cell].rate,
+                ..at
+            },
+        }
+    }
+}
 
 /// Tracks, windows and rows, with the columns computed so far.
 pub struct Problem {
@@ -50,6 +75,8 @@ pub struct Problem {
     /// `∫q φ̈` of every row.
     pub acceleration: Column,
     cache: RefCell<HashMap<Key, Vec<Column>>>,
+    /// The last direction asked for: that of one set of bristles serves all columns of a model.
+    direction: RefCell<Direction>,
 }
 
 impl Problem {
@@ -82,6 +109,7 @@ impl Problem {
             response,
             acceleration: Rc::default(),
             cache: RefCell::default(),
+            direction: RefCell::default(),
         };
         problem.acceleration = Rc::new(problem.stack(|t, w| w.acceleration(&t.q)));
         problem
@@ -124,10 +152,28 @@ impl Problem {
         .remove(0)
     }
 
-    /// `∫sgn(v) φ`.
-    pub fn coulomb(&self) -> Column {
-        self.cached(("coulomb", Vec::new()), || {
-            vec![self.cells(|t, k| t.cells[k].s)]
+    /// The direction in which a model's friction acts.
+    pub fn direction(&self, model: &Model) -> Direction {
+        let Some(law) = model.bristles() else {
+            return Direction::default();
+        };
+        let bristled = model.bristle_key();
+        if self.direction.borrow().bristled == bristled {
+            return self.direction.borrow().clone();
+        }
+        let bent = self.tracks.iter().map(|t| t.bend(law.as_ref())).collect();
+        let direction = Direction {
+            bristled,
+            bent: Some(Rc::new(bent)),
+        };
+        self.direction.replace(direction.clone());
+        direction
+    }
+
+    /// `∫s φ`, `s` being the direction in which friction acts: `sgn v` without bristles.
+    pub fn coulomb(&self, direction: &Direction) -> Column {
+        self.cached(("coulomb", direction.bristled.to_vec()), || {
+            self.signals(direction, None, 1, |at, out| out[0] = at.s)
         })
         .remove(0)
     }
@@ -140,37 +186,52 @@ impl Problem {
         .remove(0)
     }
 
-    /// The columns of an effect's torque for values of its inner parameters, under the input that a path passes.
-    pub fn effect(&self, effect: &'static dyn Effect, inner: Inner, path: &Path) -> Vec<Column> {
+    /// The columns of an effect's torque for values of its inner parameters, with friction in a direction and under the
+    /// input that a path passes.
+    pub fn effect(
+        &self,
+        effect: &'static dyn Effect,
+        inner: Inner,
+        direction: &Direction,
+        path: &Path,
+    ) -> Vec<Column> {
         if effect.width() == 0 {
             return Vec::new();
         }
-        let driven = effect.driven();
         let mut key = inner.map(f64::to_bits).to_vec();
-        if driven {
-            key.extend(path.bits());
-        }
+        key.extend(direction.bristled);
+        let path = effect.driven().then_some(path);
+        key.extend(path.into_iter().flat_map(Path::bits));
         self.cached((effect.id(), key), || {
-            let mut columns = vec![Vec::with_capacity(self.rows.len()); effect.width()];
-            let mut basis = vec![0.0; effect.width()];
-            for (track, windows) in self.tracks.iter().zip(&self.windows) {
-                let input = if driven {
-                    track.input(path)
-                } else {
-                    Vec::new()
-                };
-                let mut signals = vec![Vec::with_capacity(track.cells.len()); effect.width()];
-                for (k, &cell) in track.cells.iter().enumerate() {
-                    let at = input.get(k).map_or(cell, |&u| track.driven(k, u));
-                    effect.basis(inner, at, &mut basis);
-                    signals.iter_mut().zip(&basis).for_each(|(s, b)| s.push(*b));
-                }
-                for (column, signal) in columns.iter_mut().zip(&signals) {
-                    column.extend(windows.hold(track, signal));
-                }
-            }
-            columns
+            let basis = |at: Point, out: &mut [f64]| effect.basis(inner, at, out);
+            self.signals(direction, path, effect.width(), basis)
         })
+    }
+
+    /// Functionals of so many signals of the cells as effects see them, under the input that a path passes if there is
+    /// one.
+    fn signals(
+        &self,
+        direction: &Direction,
+        path: Option<&Path>,
+        width: usize,
+        basis: impl Fn(Point, &mut [f64]),
+    ) -> Vec<Vec<f64>> {
+        let mut columns = vec![Vec::with_capacity(self.rows.len()); width];
+        let mut out = vec![0.0; width];
+        for (index, (track, windows)) in self.tracks.iter().zip(&self.windows).enumerate() {
+            let input = path.map_or(Vec::new(), |path| track.input(path));
+            let mut signals = vec![Vec::with_capacity(track.cells.len()); width];
+            for (k, &cell) in track.cells.iter().enumerate() {
+                let at = input.get(k).map_or(cell, |&u| track.driven(k, u));
+                basis(direction.point(index, k, at), &mut out);
+                signals.iter_mut().zip(&out).for_each(|(s, b)| s.push(*b));
+            }
+            for (column, signal) in columns.iter_mut().zip(&signals) {
+                column.extend(windows.hold(track, signal));
+            }
+        }
+        columns
     }
 
     /// Mean acceleration and mean velocity of the error in the measured position, for each unit coefficient of an effect.
@@ -201,17 +262,17 @@ impl Problem {
         self.cached(("generic", vec![group as u64]), compute)
     }
 
-    /// What all recordings together cover.
+    /// What all recordings together cover, for a model whose Coulomb level is known so far.
     ///
     /// # Panics
     /// Without a single recording.
-    pub fn survey(&self) -> Survey {
+    pub fn survey(&self, model: &Model) -> Survey {
         let surveys = self
             .tracks
             .iter()
             .zip(&self.windows)
             .map(|(t, w)| t.survey(self.motion, w.reach as f64 * t.period));
-        surveys
+        let all = surveys
             .reduce(|a, b| Survey {
                 motion: a.motion,
                 period: a.period.min(b.period),
@@ -221,14 +282,26 @@ impl Problem {
                 slow: a.slow.min(b.slow),
                 travel: (a.travel.0.min(b.travel.0), a.travel.1.max(b.travel.1)),
                 input: (a.input.0.max(b.input.0), a.input.1.max(b.input.1)),
+                position_noise: a.position_noise.max(b.position_noise),
+                coulomb: a.coulomb,
             })
-            .expect("at least one recording")
+            .expect("at least one recording");
+        Survey {
+            coulomb: model.coulomb.value.unwrap_or_default(),
+            ..all
+        }
     }
 
     /// Time at the centre of a row, s.
     pub fn time(&self, row: Row) -> f64 {
         let track = &self.tracks[row.track];
         track.start + row.centre as f64 * track.period
+    }
+
+    /// Half-width of the widest windows, s.
+    pub fn half_width(&self) -> f64 {
+        let tracks = self.tracks.iter().zip(&self.windows);
+        tracks.fold(0.0, |widest, (t, w)| widest.max(w.reach as f64 * t.period))
     }
 
     /// Number of rows in a part.

@@ -6,6 +6,7 @@ use crate::model::Model;
 use crate::noise::Noise;
 use crate::problem::Problem;
 use crate::system::{inadmissible, residual};
+use crate::uncertainty::{self, normal_matrix};
 
 /// Most Gauss-Newton steps; from a weak-form start three or four settle it.
 const STEPS: usize = 12;
@@ -44,7 +45,10 @@ pub fn refine(problem: &Problem, model: &mut Model, noise: &Noise, folds: &[Opti
             break;
         }
     }
-    standard_errors(model, &current, &evaluate, folds);
+    let free = free_parameters(model);
+    let jacobian = jacobian(model, &free, &evaluate);
+    let drive = model.gain.value.unwrap_or(1.0) * derivative(model, GAIN, &evaluate).norm();
+    uncertainty::assess(model, &free, &jacobian, &current, &clusters(folds), drive);
     objective.value(model, &current)
 }
 
@@ -112,6 +116,9 @@ fn inertia(model: &Model) -> f64 {
     parameter.value.unwrap_or(0.0)
 }
 
+/// Position of the gain among [`Model::parameters`].
+const GAIN: usize = 1;
+
 /// No negative inertia, and coefficients that physics allows.
 fn is_physical(model: &Model) -> bool {
     inertia(model) >= 0.0 && inadmissible(model).is_none()
@@ -130,19 +137,9 @@ fn jacobian(
     free: &[usize],
     evaluate: &impl Fn(&Model) -> DVector<f64>,
 ) -> DMatrix<f64> {
-    let columns: Vec<DVector<f64>> = free
+    let columns: Vec<_> = free
         .iter()
-        .map(|&k| {
-            let value = model.parameters()[k].value.unwrap_or(0.0);
-            // Central differences: the truncation error falls with the square of this relative step.
-            let h = 1e-4 * value.abs().max(1e-6);
-            let moved = |to: f64| {
-                let mut moved = model.clone();
-                moved.parameters_mut()[k].value = Some(to);
-                evaluate(&moved)
-            };
-            (moved(value + h) - moved(value - h)) / (2.0 * h)
-        })
+        .map(|&k| derivative(model, k, evaluate))
         .collect();
     if columns.is_empty() {
         DMatrix::zeros(0, 0)
@@ -151,76 +148,17 @@ fn jacobian(
     }
 }
 
-/// Norm of a column that is zero.
-const NO_SCALE: f64 = 1e-150;
-
-/// `JᵀJ` with unit diagonal, and the column norms that were divided out.
-fn normal_matrix(jacobian: &DMatrix<f64>) -> (DMatrix<f64>, Vec<f64>) {
-    let scale: Vec<f64> = jacobian
-        .column_iter()
-        .map(|c| c.norm().max(NO_SCALE))
-        .collect();
-    let mut normal = jacobian.tr_mul(jacobian);
-    for i in 0..scale.len() {
-        for j in 0..scale.len() {
-            normal[(i, j)] /= scale[i] * scale[j];
-        }
-        normal[(i, i)] += 1e-12;
-    }
-    (normal, scale)
-}
-
-/// Standard errors from `(JᵀJ)⁻¹·(Σ over blocks of gradient outer products)·(JᵀJ)⁻¹`: the fold blocks stay
-/// independent even where the model or the noise covariance is not exact (Liang and Zeger 1986). The larger of
-/// this and the model-based error is reported.
-fn standard_errors(
-    model: &mut Model,
-    residual: &DVector<f64>,
-    evaluate: &impl Fn(&Model) -> DVector<f64>,
-    folds: &[Option<usize>],
-) {
-    let free = free_parameters(model);
-    let jacobian = jacobian(model, &free, evaluate);
-    if jacobian.ncols() == 0 {
-        return;
-    }
-    let (normal, scale) = normal_matrix(&jacobian);
-    let Some(inverse) = normal.try_inverse() else {
-        return;
+/// How the residual moves with parameter `k`.
+fn derivative(model: &Model, k: usize, evaluate: &impl Fn(&Model) -> DVector<f64>) -> DVector<f64> {
+    let value = model.parameters()[k].value.unwrap_or(0.0);
+    // Central differences: the truncation error falls with the square of this relative step.
+    let h = 1e-4 * value.abs().max(1e-6);
+    let moved = |to: f64| {
+        let mut moved = model.clone();
+        moved.parameters_mut()[k].value = Some(to);
+        evaluate(&moved)
     };
-    let freedom = residual.len() as f64 / (residual.len() as f64 - free.len() as f64).max(1.0);
-    let sigma2 = (residual.norm_squared() / residual.len() as f64 * freedom).max(1.0);
-    let clusters = clusters(folds);
-    let groups = clusters.iter().max().map_or(0, |c| c + 1);
-    let mut gradients = DMatrix::<f64>::zeros(free.len(), groups.max(1));
-    for (row, &cluster) in clusters.iter().enumerate() {
-        for j in 0..free.len() {
-            gradients[(j, cluster)] += jacobian[(row, j)] / scale[j] * residual[row];
-        }
-    }
-    let small_sample = groups as f64 / (groups as f64 - 1.0).max(1.0);
-    let sandwich = &inverse * (&gradients * gradients.transpose()) * &inverse * small_sample;
-    let whole: Vec<bool> = (0..model.parameters().len())
-        .map(|k| model.is_whole(k))
-        .collect();
-    let mut parameters = model.parameters_mut();
-    for (parameter, _) in parameters
-        .iter_mut()
-        .zip(whole)
-        .filter(|(p, whole)| *whole && !p.known)
-    {
-        parameter.se = Some(0.0);
-    }
-    for (j, &k) in free.iter().enumerate() {
-        let variance = (sigma2 * inverse[(j, j)]).max(sandwich[(j, j)]);
-        // What the residual does not depend on at all is not known at all.
-        let known = scale[j] > NO_SCALE;
-        parameters[k].se = Some(if known {
-            variance.max(0.0).sqrt() / scale[j]
-        } else {
-            f64::INFINITY
-        });
-    }
+    (moved(value + h) - moved(value - h)) / (2.0 * h)
 }
 
 /// Consecutive training rows of one fold form a cluster.

@@ -64,7 +64,7 @@ impl<'a> Ground<'a> {
             robust_inertia,
             system,
             score,
-            survey: problem.survey(),
+            survey: problem.survey(model),
         }))
     }
 

@@ -99,6 +99,7 @@ impl System {
     pub fn new(problem: &Problem, model: &Model) -> Result<Self> {
         check_scale(model)?;
         let known_value = |p: &Parameter| if p.known { p.value } else { None };
+        let direction = problem.direction(model);
         let mut sides = Sides {
             inertia: known_value(model.parameters()[model.moving_inertia()]),
             gain: known_value(&model.gain),
@@ -108,7 +109,11 @@ impl System {
             unknown: Vec::new(),
         };
         for (parameter, unknown, column) in [
-            (&model.coulomb, Unknown::Coulomb, problem.coulomb()),
+            (
+                &model.coulomb,
+                Unknown::Coulomb,
+                problem.coulomb(&direction),
+            ),
             (&model.viscous, Unknown::Viscous, problem.velocity()),
         ] {
             match known_value(parameter) {
@@ -248,12 +253,10 @@ impl System {
             }
             admissible &= term.effect.admissible(coefficients);
             let (inner, _) = term.effect.linear(&values(term), measure);
-            for (parameter, value) in
-                term.parameters
-                    .iter_mut()
-                    .zip(term.effect.named(inner, coefficients, measure))
-            {
-                if !parameter.known {
+            let named = term.effect.named(inner, coefficients, measure);
+            let scanned = term.effect.inner();
+            for (k, (parameter, value)) in term.parameters.iter_mut().zip(named).enumerate() {
+                if !parameter.known && Some(k) != scanned {
                     parameter.value = Some(value);
                 }
             }
@@ -325,7 +328,7 @@ pub fn columns(problem: &Problem, model: &Model, term: &Term) -> Vec<Column> {
     let effect = term.effect;
     if effect.seat() != Seat::Sensor {
         let (inner, _) = effect.linear(&values(term), model.scale());
-        return problem.effect(effect, inner, &path(model));
+        return problem.effect(effect, inner, &problem.direction(model), &path(model));
     }
     let inertia = model.parameters()[model.moving_inertia()].value;
     let damping = match (model.viscous.value, inertia) {
@@ -367,10 +370,14 @@ fn check_scale(model: &Model) -> Result<()> {
 /// The weak-form residual of a model whose parameters all have values, on the side of the problem's response.
 pub fn residual(problem: &Problem, model: &Model) -> Vec<f64> {
     let value = |p: &Parameter| p.value.unwrap_or(0.0);
-    let path = path(model);
+    let (direction, path) = (problem.direction(model), path(model));
     let mut acceleration = problem.acceleration.to_vec();
     let mut torque = scaled(&problem.input(&path), value(&model.gain));
-    add(&mut torque, -value(&model.coulomb), &problem.coulomb());
+    add(
+        &mut torque,
+        -value(&model.coulomb),
+        &problem.coulomb(&direction),
+    );
     add(&mut torque, -value(&model.viscous), &problem.velocity());
     for term in &model.terms {
         let (inner, coefficients) = term.effect.linear(&values(term), model.scale());
@@ -380,7 +387,7 @@ pub fn residual(problem: &Problem, model: &Model) -> Vec<f64> {
                 add(&mut torque, c * value(&model.viscous), velocity);
             }
         } else {
-            let columns = problem.effect(term.effect, inner, &path);
+            let columns = problem.effect(term.effect, inner, &direction, &path);
             for (column, c) in columns.iter().zip(coefficients) {
                 add(&mut torque, -c, column);
             }

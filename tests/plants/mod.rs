@@ -39,7 +39,7 @@ pub use recipe::{Control, Motion, Noise, Recipe};
 pub use simulate::simulate;
 
 /// The effects that the catalogue names.
-pub const NAMED: [&str; 21] = [
+pub const NAMED: [&str; 22] = [
     "direction-asymmetry",
     "viscous-asymmetry",
     "stribeck",
@@ -50,6 +50,7 @@ pub const NAMED: [&str; 21] = [
     "hardening-spring",
     "cogging",
     "delay",
+    "presliding",
     "torque-ripple",
     "load-step",
     "periodic-disturbance",
@@ -64,7 +65,7 @@ pub const NAMED: [&str; 21] = [
 ];
 
 /// Effects that it does not name: to be called unknown, or at least not misnamed badly.
-pub const OTHERS: [&str; 2] = ["presliding", "position-dependent-viscous"];
+pub const OTHERS: [&str; 1] = ["position-dependent-viscous"];
 
 /// What a drive would have logged, and what was true.
 #[derive(Clone, Debug)]

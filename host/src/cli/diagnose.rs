@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::output::{self, Outputs};
+use super::windows::Windows;
 use super::{DONE, Outcome, terminal};
 use crate::diagnose::{Verdict, diagnose};
 use crate::error::Error;
@@ -40,6 +41,8 @@ pub(super) struct Command {
     /// Write a self-contained HTML report with plots
     #[arg(long, value_name = "OUT.html")]
     report: Option<PathBuf>,
+    #[command(flatten)]
+    windows: Windows,
     /// Exit with status 3 when the model leaves something out, for use in a pipeline
     #[arg(long)]
     check: bool,
@@ -68,8 +71,8 @@ impl Command {
         let model = Model::read_to_fit(&self.model)?;
         let recordings = read_all(&self.recordings, &model)?;
         progress.set_message("fitting the baseline");
-        let (bench, baseline) =
-            identify(&recordings, &model).map_err(|e| named(e, &self.recordings, &self.model))?;
+        let (bench, baseline) = identify(&recordings, &model, self.windows.options()?)
+            .map_err(|e| named(e, &self.recordings, &self.model))?;
         let outcome = diagnose(&bench, &baseline, &recordings, &|what| {
             progress.set_message(what.to_owned());
         })
@@ -96,6 +99,7 @@ impl Command {
             model_out: Some(folder.join("diagnosed.toml")),
             json: Some(folder.join("diagnosis.json")),
             report: Some(folder.join("report.html")),
+            windows: Windows::default(),
             check: false,
         }
     }

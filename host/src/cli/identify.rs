@@ -7,10 +7,11 @@ use serde::Serialize;
 
 use super::diagnose::{json, named, read_all};
 use super::output::{self, Outputs};
+use super::windows::Windows;
 use super::{DONE, Outcome, terminal};
 use crate::diagnose::{Estimates, estimates};
 use crate::fit::Fit;
-use crate::identify::identify;
+use crate::identify::{Tried, identify};
 use crate::model::Model;
 use crate::report;
 
@@ -38,6 +39,8 @@ pub(super) struct Command {
     /// Write a self-contained HTML report with plots
     #[arg(long, value_name = "OUT.html")]
     report: Option<PathBuf>,
+    #[command(flatten)]
+    windows: Windows,
 }
 
 /// What goes into the JSON.
@@ -48,6 +51,14 @@ struct Identification {
     fit: Fit,
     half_width: Vec<f64>,
     rows: usize,
+    windows: Choice,
+}
+
+/// Why the windows are what they are.
+#[derive(Serialize)]
+struct Choice {
+    reason: String,
+    tried: Vec<Tried>,
 }
 
 impl Command {
@@ -67,8 +78,8 @@ impl Command {
         let model = Model::read_to_fit(&self.model)?;
         let recordings = read_all(&self.recordings, &model)?;
         progress.set_message("identifying");
-        let (bench, identified) =
-            identify(&recordings, &model).map_err(|e| named(e, &self.recordings, &self.model))?;
+        let (bench, identified) = identify(&recordings, &model, self.windows.options()?)
+            .map_err(|e| named(e, &self.recordings, &self.model))?;
         let problem = &bench.problem;
         let identification = Identification {
             schema: "bristle.identification/1",
@@ -81,6 +92,10 @@ impl Command {
                 .map(|(w, t)| w.reach as f64 * t.period)
                 .collect(),
             rows: problem.rows.len(),
+            windows: Choice {
+                reason: bench.width.reason(),
+                tried: bench.width.tried.clone(),
+            },
         };
         let mut outputs = Outputs::default();
         outputs.add(self.model_out.as_ref(), || Ok(identified.model.to_toml()))?;
@@ -94,6 +109,7 @@ impl Command {
             &identification.parameters,
             &identification.fit,
             identified.model.causality,
+            &identification.windows.reason,
         );
         terminal::written(&written);
         Ok(DONE)

@@ -8,6 +8,7 @@ mod identify;
 mod output;
 mod simulate;
 mod terminal;
+mod windows;
 
 use clap::{Parser, Subcommand};
 

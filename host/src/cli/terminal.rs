@@ -44,14 +44,13 @@ pub(super) fn error(error: &Error) {
 fn table(out: &mut String, estimates: &Estimates) {
     let width = estimates.keys().map(String::len).max().unwrap_or(0);
     for (name, estimate) in estimates {
-        let given = if estimate.se.is_none() {
-            "  (given)"
-        } else {
-            ""
+        let status = match estimate.status.as_str() {
+            "identified" => String::new(),
+            other => format!("  ({other})"),
         };
         let _ = writeln!(
             out,
-            "  {name:<width$}  {}{DIM}{given}{DIM:#}",
+            "  {name:<width$}  {}{DIM}{status}{DIM:#}",
             format::parameter(estimate.value, estimate.se, estimate.unit)
         );
     }
@@ -75,9 +74,15 @@ fn fit_line(fit: &Fit, causality: Causality) -> String {
 }
 
 /// Shows the outcome of an identification.
-pub(super) fn identification(parameters: &Estimates, fit: &Fit, causality: Causality) {
+pub(super) fn identification(
+    parameters: &Estimates,
+    fit: &Fit,
+    causality: Causality,
+    windows: &str,
+) {
     let mut out = String::new();
     table(&mut out, parameters);
+    let _ = writeln!(out, "{DIM}{windows}{DIM:#}");
     let _ = writeln!(out, "{}", fit_line(fit, causality));
     anstream::print!("{out}");
 }
@@ -156,7 +161,12 @@ mod tests {
 
     #[test]
     fn parameters_line_up_with_errors_and_printed_units() {
-        let estimate = |value, se, unit| Estimate { value, se, unit };
+        let estimate = |value, se: Option<f64>, unit| Estimate {
+            value,
+            se,
+            unit,
+            status: se.map_or("given", |_| "identified").to_owned(),
+        };
         let estimates = Estimates::from([
             ("static".to_owned(), estimate(0.3644, Some(0.0131), "N*m")),
             ("gain".to_owned(), estimate(35.150_65, None, "N/V")),

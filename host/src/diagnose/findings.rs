@@ -104,21 +104,17 @@ pub fn estimates(model: &Model, term: Option<usize>) -> Estimates {
     labels
         .iter()
         .zip(model.parameters())
-        .map(|(label, parameter)| {
-            let name = label.effect.map_or_else(
-                || label.name.to_owned(),
-                |id| format!("{id}.{}", label.name),
-            );
-            (name, estimate(parameter, label.unit))
-        })
+        .map(|(label, parameter)| (label.to_string(), estimate(parameter, label.unit)))
         .collect()
 }
 
-fn estimate(parameter: &crate::model::Parameter, unit: &'static str) -> Estimate {
+/// A parameter as the outcome shows it.
+pub fn estimate(parameter: &crate::model::Parameter, unit: &'static str) -> Estimate {
     Estimate {
         value: parameter.value.unwrap_or(f64::NAN),
         se: if parameter.known { None } else { parameter.se },
         unit,
+        status: parameter.status.to_string(),
     }
 }
 
@@ -150,6 +146,7 @@ fn term_estimates(model: &Model, index: usize) -> Estimates {
             value: sum(&|p| p.value.unwrap_or(0.0), 1),
             se: Some(variance.sqrt()),
             unit: model.unit(derived.quantity),
+            status: term.parameters[0].status.to_string(),
         };
         all.insert(derived.name.to_owned(), value);
     }

@@ -6,6 +6,7 @@ use crate::format;
 use crate::identify::Workbench;
 use crate::model::Model;
 use crate::motion::Motion;
+use crate::problem::Direction;
 
 /// The region in which most of a mismatch lives.
 #[derive(Clone, Debug, Default, Serialize)]
@@ -45,7 +46,7 @@ struct Place {
 pub(super) fn locate(bench: &Workbench, model: &Model, before: &[f64], after: &[f64]) -> Where {
     let problem = &bench.problem;
     let velocity = problem.velocity();
-    let sign = problem.coulomb();
+    let sign = problem.coulomb(&Direction::default());
     let places: Vec<Place> = (0..problem.rows.len())
         .map(|k| {
             let row = problem.rows[k];

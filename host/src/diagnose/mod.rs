@@ -7,7 +7,7 @@ mod outcome;
 mod select;
 mod trial;
 
-pub use findings::estimates;
+pub use findings::{estimate, estimates};
 pub use locate::Where;
 pub use outcome::{
     Baseline, BeforeAfter, Diagnosis, Estimate, Estimates, Evidence, Finding, Outcome, Rival,

@@ -18,6 +18,8 @@ pub struct Estimate {
     pub se: Option<f64>,
     /// SI unit.
     pub unit: &'static str,
+    /// What the recordings say of it: see [`crate::model::Status`].
+    pub status: String,
 }
 
 /// A number whatever the case, as other programs expect; an error without bound becomes the largest one.

@@ -119,6 +119,10 @@ pub trait Effect: Sync {
     fn admissible(&self, _coefficients: &[f64]) -> bool {
         true
     }
+    /// Stiffness of bristles between the surfaces, through which all friction then acts; `None` for a stiff contact.
+    fn bristle_stiffness(&self, _parameters: &[f64]) -> Option<f64> {
+        None
+    }
     /// Further quantities worth reporting with a finding: name, quantity, value as a function of all that is
     /// needed (own parameters, Coulomb, viscous).
     fn derived(&self) -> &'static [Derived] {
@@ -166,6 +170,7 @@ catalogue! {
     hardening_spring::HardeningSpring,
     cogging::Cogging,
     delay::Delay,
+    presliding::Presliding,
     torque_ripple::TorqueRipple,
     load_step::LoadStep,
     periodic_disturbance::PeriodicDisturbance,
@@ -177,6 +182,12 @@ catalogue! {
     input_dead_zone::InputDeadZone,
     actuator_lag::ActuatorLag,
     sensor_eccentricity::SensorEccentricity,
+}
+
+/// What friction laws with bristles are made of, beside the effects of the catalogue.
+pub mod law {
+    pub use super::presliding::{BRISTLES, DAMPED_BRISTLES};
+    pub use super::stribeck::{EXPONENTIAL, RATIONAL};
 }
 
 /// Finds an effect by id.
@@ -229,7 +240,6 @@ macro_rules! planned {
 }
 
 planned! {
-    "presliding": "elastic bristle deflection before sliding (Dahl, LuGre)",
     "backlash": "lost motion between the driven and the measured side",
     "compliance": "elastic transmission: a resonance between motor and load",
 }

@@ -22,8 +22,11 @@ pub struct Point {
     pub v: f64,
     /// `2π` times turns (rotary: the position itself) or metres: what periodic effects count in.
     pub angle: f64,
-    /// Direction of sliding, −1 to 1; a mean over the sampling interval where it changes inside.
+    /// Direction of sliding, −1 to 1; a mean over the sampling interval where it changes inside. Under bristles, their
+    /// force over its level, which follows the direction as far as they yield.
     pub s: f64,
+    /// Rate of the bristles' deflection, rad/s or m/s; zero without bristles.
+    pub bending: f64,
     /// When, and under which input.
     pub moment: Moment,
 }
@@ -41,6 +44,7 @@ impl Point {
             v,
             angle,
             s,
+            bending: 0.0,
             moment: Moment::default(),
         }
     }
@@ -69,6 +73,10 @@ pub struct Survey {
     pub slow: f64,
     /// Smallest and largest position.
     pub travel: (f64, f64),
+    /// Standard deviation of the position noise.
+    pub position_noise: f64,
+    /// Coulomb level, as far as it is known; zero before anything is.
+    pub coulomb: f64,
     /// Root mean square and largest size of the input, in its own unit.
     pub input: (f64, f64),
 }

@@ -103,3 +103,50 @@ impl Effect for Stribeck {
         c[0] > 0.0
     }
 }
+
+/// The part of a friction law with bristles that falls with speed, `(Fs − Fc)·d(v/vs)` with a fixed curve.
+pub struct Fixed(Curve);
+
+/// `e^(−(v/vs)²)`, of the `LuGre` law.
+pub static EXPONENTIAL: Fixed = Fixed(Curve::Exponential);
+/// `1/(1 + (v/vs)²)`, of the modified `LuGre` law.
+pub static RATIONAL: Fixed = Fixed(Curve::Rational);
+
+impl Effect for Fixed {
+    fn id(&self) -> &'static str {
+        Stribeck.id()
+    }
+    fn name(&self) -> &'static str {
+        Stribeck.name()
+    }
+    fn doc(&self) -> &'static str {
+        Stribeck.doc()
+    }
+    fn parameters(&self) -> &'static [Spec] {
+        &Stribeck.parameters()[..2]
+    }
+    fn confusions(&self) -> &'static [Confusion] {
+        Stribeck.confusions()
+    }
+    fn sentence(&self, p: &[f64], motion: Motion) -> String {
+        Stribeck.sentence(p, motion)
+    }
+    fn inner(&self) -> Option<usize> {
+        Stribeck.inner()
+    }
+    fn grid(&self, survey: &Survey) -> Vec<f64> {
+        Stribeck.grid(survey)
+    }
+    fn basis(&self, inner: Inner, at: Point, out: &mut [f64]) {
+        out[0] = at.s * self.0.decay(at.v / inner[0]);
+    }
+    fn named(&self, inner: Inner, c: &[f64], scale: Scale) -> Vec<f64> {
+        vec![scale.coulomb + c[0], inner[0]]
+    }
+    fn linear(&self, p: &[f64], scale: Scale) -> (Inner, Vec<f64>) {
+        ([p[1], 0.0], vec![p[0] - scale.coulomb])
+    }
+    fn admissible(&self, c: &[f64]) -> bool {
+        Stribeck.admissible(c)
+    }
+}

@@ -98,8 +98,7 @@ impl Model {
         }
         let given = section(&document, "friction")?;
         let (law, coulomb, viscous, mut terms) = friction(given)?;
-        let mut constants = constants(Some(plant), "plant", kind.constants())?;
-        constants.extend(self::constants(given, "friction", law.constants())?);
+        let constants = constants(Some(plant), "plant", kind.constants())?;
         // An estimate may come out below zero by its error, but nobody knows such a level.
         if coulomb.known && coulomb.value.is_some_and(|v| v < 0.0) {
             return Err(at(
@@ -190,27 +189,67 @@ fn friction(section: Option<&dyn TableLike>) -> Checked<Friction> {
     };
     let law = word(section, "friction", "model", &Law::WORDS)?
         .map_or(Law::CoulombViscous, Law::from_word);
-    let curved = matches!(law, Law::Stribeck | Law::Static);
+    // Parts of the law beyond Coulomb and viscous friction; the exponent is the law's own unless the file says otherwise.
+    let parts: Vec<(&'static dyn Effect, Option<f64>)> = match law {
+        Law::CoulombViscous => Vec::new(),
+        Law::Stribeck => vec![(fall()?, Some(2.0))],
+        Law::Static => vec![(fall()?, Some(1.0))],
+        Law::Dahl => vec![(&effects::law::BRISTLES, None)],
+        Law::LuGre => vec![
+            (&effects::law::EXPONENTIAL, None),
+            (&effects::law::DAMPED_BRISTLES, None),
+        ],
+        Law::ModifiedLuGre => vec![
+            (&effects::law::RATIONAL, None),
+            (&effects::law::DAMPED_BRISTLES, None),
+        ],
+    };
+    let names = parts.iter().flat_map(|(part, _)| part.parameters());
     let mut keys = vec!["model", "coulomb", "viscous"];
-    if curved {
-        keys.extend(["static", "stribeck_velocity", "exponent"]);
-    }
-    keys.extend(law.constants().iter().map(|spec| spec.name));
+    keys.extend(names.map(|spec| spec.name));
     only(section, "friction", &keys)?;
-    let get = |name| parameter(section, "friction", name).map(Option::unwrap_or_default);
-    let mut terms = Vec::new();
-    if curved {
-        // The law itself has the exponent 2; a file may say otherwise.
-        let exponent =
-            parameter(section, "friction", "exponent")?.unwrap_or_else(|| Parameter::known(2.0));
-        terms.push(Term {
-            effect: effects::find("stribeck")
-                .ok_or_else(|| at("friction.model", "the stribeck effect is not built in"))?,
-            parameters: vec![get("static")?, get("stribeck_velocity")?, exponent],
+    let get = |name| parameter(section, "friction", name);
+    let part = |(effect, exponent): (&'static dyn Effect, Option<f64>)| {
+        let mut parameters = Vec::new();
+        for spec in effect.parameters() {
+            let given = get(spec.name)?;
+            check_bounds(spec, given.as_ref())?;
+            let otherwise = exponent
+                .filter(|_| spec.name == "exponent")
+                .map_or_else(Parameter::unknown, Parameter::known);
+            parameters.push(given.unwrap_or(otherwise));
+        }
+        Ok(Term {
+            effect,
+            parameters,
             in_law: true,
-        });
+        })
+    };
+    let terms = parts.into_iter().map(part).collect::<Checked<Vec<_>>>()?;
+    let known = |name| get(name).map(Option::unwrap_or_default);
+    Ok((law, known("coulomb")?, known("viscous")?, terms))
+}
+
+fn fall() -> Checked<&'static dyn Effect> {
+    effects::find("stribeck")
+        .ok_or_else(|| at("friction.model", "the stribeck effect is not built in"))
+}
+
+/// Refuses a given value that the physics of a friction law rules out.
+fn check_bounds(spec: &effects::Spec, given: Option<&Parameter>) -> Checked<()> {
+    let (least, most) = spec.bounds;
+    match given.and_then(|p| p.value) {
+        Some(value) if value < least || value > most => {
+            let key = format!("friction.{}", spec.name);
+            let what = match spec.bounds {
+                (0.0, _) => "zero or positive".to_owned(),
+                (_, f64::INFINITY) => "positive".to_owned(),
+                _ => format!("between {least} and {most}"),
+            };
+            Err(at(&key, format!("{key} must be {what}")))
+        }
+        _ => Ok(()),
     }
-    Ok((law, get("coulomb")?, get("viscous")?, terms))
 }
 
 /// Constants of a section, those left out at their defaults.

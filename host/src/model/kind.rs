@@ -173,29 +173,6 @@ impl Law {
     pub fn as_str(self) -> &'static str {
         Self::WORDS[self as usize]
     }
-
-    /// Whether the law has a bristle state.
-    pub fn is_dynamic(self) -> bool {
-        matches!(self, Self::Dahl | Self::LuGre | Self::ModifiedLuGre)
-    }
-
-    /// What a law with a bristle state has beside Coulomb and viscous friction.
-    pub(super) fn constants(self) -> &'static [Spec] {
-        match self {
-            Self::CoulombViscous | Self::Stribeck | Self::Static => &[],
-            Self::Dahl => const { &[unknown("bristle_stiffness")] },
-            Self::LuGre | Self::ModifiedLuGre => {
-                const {
-                    &[
-                        unknown("static"),
-                        unknown("stribeck_velocity"),
-                        unknown("bristle_stiffness"),
-                        unknown("bristle_damping"),
-                    ]
-                }
-            }
-        }
-    }
 }
 
 impl Model {
@@ -205,23 +182,16 @@ impl Model {
         found.and_then(|c| c.parameter.value).unwrap_or(f64::NAN)
     }
 
-    /// What of this model can be simulated but not fitted, if anything, a plant beyond an axis or a bristle law: its
+    /// What of this model can be simulated but not fitted, if anything, a plant beyond an axis: its
     /// key and a message.
     pub fn unfittable(&self) -> Option<(&'static str, String)> {
-        if self.law.is_dynamic() {
-            let what = format!(
-                "friction.model = {:?} is a law with a bristle state, which this version simulates but does not fit yet; use \"coulomb-viscous\", \"stribeck\" or \"static\"",
-                self.law.as_str()
-            );
-            Some(("friction.model", what))
-        } else if self.kind != Kind::Axis {
-            let what = format!(
-                "plant.kind = {:?} can be simulated but not fitted; fit an axis to its recording, without kind and the constants that belong to it",
-                self.kind.as_str()
-            );
-            Some(("plant.kind", what))
-        } else {
-            None
+        if self.kind == Kind::Axis {
+            return None;
         }
+        let what = format!(
+            "plant.kind = {:?} can be simulated but not fitted; fit an axis to its recording, without kind and the constants that belong to it",
+            self.kind.as_str()
+        );
+        Some(("plant.kind", what))
     }
 }

@@ -1,14 +1,17 @@
 //! Models of an axis: what is known, what is to be estimated, and what was found.
 
+mod bristles;
 mod file;
 mod kind;
 mod parameter;
 mod place;
 
 use std::collections::BTreeMap;
+use std::fmt;
 
+pub use bristles::Bristles;
 pub use kind::{Constant, Kind};
-pub use parameter::Parameter;
+pub use parameter::{Parameter, Status};
 
 use crate::effects::{Effect, Given, Quantity, Scale, Seat, Spec};
 pub use crate::motion::Motion;
@@ -32,7 +35,8 @@ pub enum Law {
     CoulombViscous,
     /// Coulomb, viscous and the exponential Stribeck curve.
     Stribeck,
-    /// The same curve, named for its sticking condition, which every law without a bristle state obeys.
+    /// The same with the exponent 1 (thesis eq. 11), named for its sticking condition, which every law without a bristle
+    /// state obeys.
     Static,
     /// Bristles that deflect and yield at the Coulomb level, and viscous friction.
     Dahl,
@@ -96,6 +100,15 @@ pub struct Label {
     pub unit: &'static str,
 }
 
+impl fmt::Display for Label {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.effect {
+            Some(id) => write!(f, "{id}.{}", self.name),
+            None => f.write_str(self.name),
+        }
+    }
+}
+
 impl Model {
     /// All parameters in the order that fits use: inertia, gain, Coulomb, viscous, then the effects'.
     pub fn parameters(&self) -> Vec<&Parameter> {
@@ -131,6 +144,37 @@ impl Model {
     pub fn is_whole(&self, k: usize) -> bool {
         self.spec(k)
             .is_some_and(|spec| spec.quantity.is_whole(self.motion))
+    }
+
+    /// Whether the residual is linear in parameter `k` of [`Model::parameters`] while the others stay.
+    pub fn is_linear(&self, k: usize) -> bool {
+        let mut first = 4;
+        for term in &self.terms {
+            let shape = term.effect.shape().map(|(shape, _)| shape);
+            if let Some(own) = k.checked_sub(first)
+                && own < term.parameters.len()
+            {
+                return Some(own) != term.effect.inner() && Some(own) != shape;
+            }
+            first += term.parameters.len();
+        }
+        true
+    }
+
+    /// Whether a bound of the file or of physics holds parameter `k` of [`Model::parameters`].
+    pub fn at_bound(&self, k: usize) -> bool {
+        let physical = self.physical_bounds(k);
+        let parameter = self.parameters()[k];
+        let bounds = [
+            parameter.min,
+            parameter.max,
+            Some(physical.0),
+            Some(physical.1),
+        ];
+        bounds
+            .into_iter()
+            .flatten()
+            .any(|bound| parameter.value == Some(bound))
     }
 
     fn physical_bounds(&self, k: usize) -> (f64, f64) {
@@ -245,7 +289,7 @@ impl Model {
         };
         let label = &labels[at];
         Some(match (label.effect, label.name) {
-            (Some(id), name) => format!("effects.{id}.{name}"),
+            (Some(_), _) => format!("effects.{label}"),
             (None, name @ ("inertia" | "gain")) => format!("plant.{name}"),
             (None, name) => format!("friction.{name}"),
         })

@@ -1,5 +1,7 @@
 //! A model parameter: known, or to be estimated.
 
+use std::fmt;
+
 use toml_edit::{InlineTable, Item, Value};
 
 /// A number that the model file gives, asks for, or bounds.
@@ -15,6 +17,39 @@ pub struct Parameter {
     pub max: Option<f64>,
     /// Standard error of the estimate.
     pub se: Option<f64>,
+    /// What the recordings say of it.
+    pub status: Status,
+}
+
+/// What recordings say of a parameter.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Status {
+    /// Nothing: it was given.
+    #[default]
+    Given,
+    /// Ten standard errors from zero or more, or next to nothing for certain.
+    Identified,
+    /// Told from zero, but by less than ten standard errors.
+    WeaklyExcited,
+    /// Not told from zero: the recordings do not show it.
+    NotExcited,
+    /// Uncertain because another parameter, named here, has nearly the same effect on these recordings.
+    TradedOff(String),
+    /// Kept from moving on by a bound.
+    AtBound,
+}
+
+impl fmt::Display for Status {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Given => f.write_str("given"),
+            Self::Identified => f.write_str("identified"),
+            Self::WeaklyExcited => f.write_str("weakly excited"),
+            Self::NotExcited => f.write_str("not excited"),
+            Self::TradedOff(other) => write!(f, "traded off against {other}"),
+            Self::AtBound => f.write_str("at a bound"),
+        }
+    }
 }
 
 impl Parameter {

@@ -47,7 +47,9 @@ impl WheelSlip {
         complete(model)?;
         let constant = |name: &str| model.constant(&format!("plant.{name}"));
         let shaft = Contact::effects(model);
-        if let Some(effect) = shaft.jumping() {
+        let mut added = model.terms.iter().filter(|t| !t.in_law);
+        let friction = added.find(|t| t.is_of_contact()).map(|t| t.effect);
+        if let Some(effect) = friction.or_else(|| shaft.jumping()) {
             return Err(Error::Usage(format!(
                 "[effects.{}] is friction, and that of plant.kind = \"wheel-slip\" is the adhesion in [friction]; leave the effect out",
                 effect.id()
@@ -58,7 +60,9 @@ impl WheelSlip {
             shaft,
             gain: model.gain.value.unwrap_or_default(),
             path: system::path(model),
-            drive: model.inertia.value.unwrap_or_default(),
+            drive: model.parameters()[model.moving_inertia()]
+                .value
+                .unwrap_or_default(),
             wheel: constant("wheel_mass"),
             vehicle: constant("vehicle_mass"),
             stiffness: constant("axle_stiffness"),

@@ -221,7 +221,7 @@ fn capitalised(clause: &str) -> String {
 
 /// What an adequate model was tested on.
 fn covered(subject: &Subject) -> String {
-    let survey = subject.bench.problem.survey();
+    let survey = subject.bench.problem.survey(subject.after.model);
     let (speed, length) = subject.motion_units();
     format!(
         "None is needed at these conditions: speeds up to {} and positions from {}. To be surer, record outside of them, above all slow reversals, the full travel, and the load of normal use, and diagnose again.",

@@ -5,7 +5,6 @@ use super::points::{Points, bins, dots};
 use super::rows::Rows;
 use super::subject::Subject;
 use crate::axis::{Axis, State};
-use crate::effects::Moment;
 use crate::error::Result;
 use crate::format::{quantity, scaled_unit};
 
@@ -21,7 +20,7 @@ const BINS: usize = 12;
 pub(super) fn section(subject: &Subject, rows: &Rows) -> Result<Section> {
     let (torque, si) = subject.torque();
     let (speed, length) = subject.motion_units();
-    let survey = subject.bench.problem.survey();
+    let survey = subject.bench.problem.survey(subject.after.model);
     // Rounded to a hundredth of the travel's decade: nobody needs to know that the middle is at −1.02·10⁻⁶ m.
     let (low, high) = survey.travel;
     let step = 10f64.powf((high - low).max(f64::MIN_POSITIVE).log10().floor() - 2.0);
@@ -32,7 +31,8 @@ pub(super) fn section(subject: &Subject, rows: &Rows) -> Result<Section> {
         .filter(|&k| rows.sliding[k])
         .map(|k| {
             let v = rows.velocity[k];
-            (v, resistance(&after, middle, v, v.signum()) - rows.after[k])
+            let state = State { q: middle, v };
+            (v, after.contact.steady(state, v.signum()) - rows.after[k])
         })
         .collect();
     let top = rows.velocity.iter().fold(0.0, |a: f64, v| a.max(v.abs()));
@@ -71,17 +71,12 @@ pub(super) fn section(subject: &Subject, rows: &Rows) -> Result<Section> {
     })
 }
 
-/// What resists at a place and a speed while nothing drives, at the first instant.
-fn resistance(axis: &Axis, q: f64, v: f64, s: f64) -> f64 {
-    axis.resistance(Moment::default(), State { q, v }, s)
-}
-
 /// Curve of an axis from minus to plus top speed; dense where friction changes most, near zero.
 fn curve(axis: &Axis, q: f64, top: f64) -> Vec<(f64, f64)> {
     let side = |s: f64| {
         (0..=CURVE).map(move |k| {
             let v = s * top * (k as f64 / CURVE as f64).powi(2);
-            (v, resistance(axis, q, v, s))
+            (v, axis.contact.steady(State { q, v }, s))
         })
     };
     side(-1.0).rev().chain(side(1.0)).collect()

@@ -7,6 +7,7 @@ use super::subject::Subject;
 use crate::diagnose::Where;
 use crate::format::{scaled_unit, whole_percent};
 use crate::model::Model;
+use crate::problem::Direction;
 use crate::system;
 
 /// Rows with less of one direction than this lie around a reversal: their friction is a mean of both levels.
@@ -38,7 +39,7 @@ impl Rows {
             residual.iter().map(|r| r * scale).collect()
         };
         let rows = problem.rows.iter();
-        let coulomb = problem.coulomb();
+        let coulomb = problem.coulomb(&Direction::default());
         Self {
             track: rows.clone().map(|r| r.track).collect(),
             time: rows.clone().map(|r| problem.time(*r)).collect(),

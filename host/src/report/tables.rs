@@ -3,7 +3,7 @@
 use super::page::{Item, Section, Table};
 use super::spread::Spreads;
 use super::subject::Subject;
-use crate::diagnose::Estimate;
+use crate::diagnose::{self, Estimate};
 use crate::format::{self, percent, scaled_unit, value, with_unit};
 use crate::model::Model;
 
@@ -13,16 +13,8 @@ pub(super) fn parameters(subject: &Subject) -> Section {
         let labels = model.labels().into_iter().zip(model.parameters());
         labels
             .map(|(label, p)| {
-                let name = label.effect.map_or_else(
-                    || label.name.to_owned(),
-                    |id| format!("{id}.{}", label.name),
-                );
-                let estimate = Estimate {
-                    value: p.value.unwrap_or(f64::NAN),
-                    se: (!p.known).then(|| p.se.unwrap_or(f64::NAN)),
-                    unit: label.unit,
-                };
-                (name, estimate_text(&estimate))
+                let estimate = diagnose::estimate(p, label.unit);
+                (label.to_string(), estimate_text(&estimate))
             })
             .collect()
     };
@@ -60,10 +52,10 @@ fn columns(subject: &Subject, first: &str, single: &str) -> Vec<String> {
 /// A parameter as tables show it; one that was not estimated says so.
 pub(super) fn estimate_text(estimate: &Estimate) -> String {
     let text = format::parameter(estimate.value, estimate.se, estimate.unit);
-    if estimate.se.is_some() {
+    if estimate.status == "identified" {
         text
     } else {
-        format!("{text} (given)")
+        format!("{text} ({})", estimate.status)
     }
 }
 

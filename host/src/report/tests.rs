@@ -3,7 +3,7 @@
 use super::page::Page;
 use super::{diagnosis, escape_json, fill, identification, render};
 use crate::diagnose::diagnose;
-use crate::identify::identify;
+use crate::identify::{Options, identify};
 use crate::model::{Causality, Model};
 use crate::recording::Recording;
 
@@ -157,7 +157,7 @@ fn data(page: &str) -> serde_json::Value {
 fn a_diagnosis_is_self_contained_and_complete() {
     let recordings = [recording()];
     let model = model("coulomb = 0.15\nviscous = 0.0\n");
-    let (bench, baseline) = identify(&recordings, &model).unwrap();
+    let (bench, baseline) = identify(&recordings, &model, Options::default()).unwrap();
     let outcome = diagnose(&bench, &baseline, &recordings, &|_| {}).unwrap();
     let page = diagnosis(&outcome, &bench, &recordings).unwrap();
     assert_self_contained(&page);
@@ -222,8 +222,12 @@ fn a_diagnosis_is_self_contained_and_complete() {
 #[test]
 fn an_identification_shows_its_parameters_with_errors() {
     let recordings = [recording()];
-    let (bench, identified) =
-        identify(&recordings, &model("coulomb = \"?\"\nviscous = \"?\"\n")).unwrap();
+    let (bench, identified) = identify(
+        &recordings,
+        &model("coulomb = \"?\"\nviscous = \"?\"\n"),
+        Options::default(),
+    )
+    .unwrap();
     let page = identification(&identified, &bench, &recordings).unwrap();
     assert_self_contained(&page);
     let data = data(&page);
@@ -273,8 +277,12 @@ fn a_recording_of_velocity_alone_is_shown_as_velocity() {
     };
     recording.v = Some((0..q.len()).map(slope).collect());
     let recordings = [recording];
-    let (bench, identified) =
-        identify(&recordings, &model("coulomb = \"?\"\nviscous = \"?\"\n")).unwrap();
+    let (bench, identified) = identify(
+        &recordings,
+        &model("coulomb = \"?\"\nviscous = \"?\"\n"),
+        Options::default(),
+    )
+    .unwrap();
     let data = data(&identification(&identified, &bench, &recordings).unwrap());
     let plots = assert_sound(&data);
     assert_eq!(plot_titles(&plots)[0], "Velocity, restarted every 1 s");
@@ -286,7 +294,7 @@ fn an_inverse_recording_is_shown_by_its_force() {
     let recordings = [recording()];
     let mut model = model("coulomb = \"?\"\nviscous = \"?\"\n");
     model.causality = Causality::Inverse;
-    let (bench, identified) = identify(&recordings, &model).unwrap();
+    let (bench, identified) = identify(&recordings, &model, Options::default()).unwrap();
     let data = data(&identification(&identified, &bench, &recordings).unwrap());
     let plots = assert_sound(&data);
     let titles = plot_titles(&plots);
@@ -297,8 +305,12 @@ fn an_inverse_recording_is_shown_by_its_force() {
 #[test]
 fn two_recordings_have_plots_of_their_own() {
     let recordings = [recording(), recording()];
-    let (bench, identified) =
-        identify(&recordings, &model("coulomb = \"?\"\nviscous = \"?\"\n")).unwrap();
+    let (bench, identified) = identify(
+        &recordings,
+        &model("coulomb = \"?\"\nviscous = \"?\"\n"),
+        Options::default(),
+    )
+    .unwrap();
     let data = data(&identification(&identified, &bench, &recordings).unwrap());
     let plots = assert_sound(&data);
     let runs = plot_titles(&plots).into_iter();

@@ -39,9 +39,9 @@ fn step<const N: usize>(
     let mut middle = x;
     for _ in 0..ITERATIONS {
         let at = plant.sliding(&middle);
-        let effects = plant
-            .contact()
-            .resistance(plant.moment(drive, &middle), at, at.v.signum());
+        let bent = law.stiffness() * law.advance(z, at.v, 0.5 * h) / law.level(at.v);
+        let moment = plant.moment(drive, &middle);
+        let effects = plant.contact().resistance(moment, at, bent);
         let friction = law.mean_force(z, at.v, h) + effects;
         let next = moved(&x, 0.5 * h, &plant.rate(drive, &middle, friction));
         let change = (0..N).map(|k| (next[k] - middle[k]).abs() - 1e-13 * next[k].abs());

@@ -1,10 +1,12 @@
 //! From recordings to weak-form rows: uniform tracks, smoothed velocity, windows and functionals.
 
+mod bend;
 mod reversal;
 mod smooth;
 mod track;
 mod windows;
 
+pub use bend::Bent;
 pub use track::{Balance, Track};
 pub use windows::{Part, Windows};
 

@@ -166,6 +166,8 @@ impl Track {
             top_speed: speeds[(speeds.len() - 1) * 98 / 100],
             slow: SLOW * self.velocity_noise,
             travel: (fold(f64::min), fold(f64::max)),
+            position_noise: self.position_noise,
+            coulomb: 0.0,
         }
     }
 

@@ -1,0 +1,169 @@
+//! # What it is
+//! Elastic deflection before sliding: the surfaces hold each other by bristles of stiffness `σ0`, which bend by `z` and
+//! yield at the level `g` of the friction law: `ż = v − σ0·|v|·z/g(v)`, `τ = σ0·z` in place of `g(v)·sgn v`. Friction then
+//! builds up over the breakaway distance `g/σ0` instead of jumping where velocity changes sign.
+//!
+//! # What it looks like in a recording
+//! After each reversal the axis moves a little too easily, as far as the bristles need to bend the other way; at rest it
+//! springs back when the drive is taken away. The residual has the sign opposite to velocity and lives within a few
+//! breakaway distances behind reversals.
+//!
+//! # What excites it
+//! Many reversals, small strokes of a few breakaway distances, slow torque ramps below break-away; an encoder that
+//! resolves the breakaway distance, or at least reversals slow enough that many samples fall on it.
+//!
+//! # Confused with
+//! stribeck (a function of speed, not of displacement): torque ramps below break-away tell.
+//! backlash (no force at all in the gap) and delay (acts at any instant, not only at reversals).
+//!
+//! # Example
+//! Preloaded ball bearings, seals, harmonic drives: breakaway distances of micrometres to tenths of a degree.
+//!
+//! # References
+//! P. R. Dahl, A solid friction model, 1968; C. Canudas de Wit, H. Olsson, K. J. Åström and P. Lischinsky, A new model for
+//! control of systems with friction, IEEE TAC 40(3), 1995.
+
+use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Scale, Spec, Survey, geometric};
+use crate::format::quantity;
+
+/// The effect of the catalogue; under a law without bristles of its own it turns Coulomb friction into the simplified
+/// law of Dahl.
+pub(super) struct Presliding;
+
+/// Bristles of a friction law: those of Dahl.
+pub static BRISTLES: Bristles = Bristles { damped: false };
+/// Bristles of a friction law with damping `σ1`, `τ = σ0·z + σ1·ż`: those of the `LuGre` laws.
+pub static DAMPED_BRISTLES: Bristles = Bristles { damped: true };
+
+/// Bristles as part of a friction law.
+pub struct Bristles {
+    damped: bool,
+}
+
+const STIFFNESS: Spec = Spec::within(
+    "bristle_stiffness",
+    Quantity::Stiffness,
+    (f64::MIN_POSITIVE, f64::INFINITY),
+);
+const DAMPING: Spec = Spec::within("bristle_damping", Quantity::Viscous, (0.0, f64::INFINITY));
+
+/// Breakaway distances from below what the encoder tells apart to a share of the travel.
+fn stiffnesses(survey: &Survey) -> Vec<f64> {
+    let travel = survey.travel.1 - survey.travel.0;
+    let longest = 0.03 * travel;
+    let shortest = (0.5 * survey.position_noise)
+        .max(0.1 * survey.top_speed * survey.period)
+        .min(0.1 * longest);
+    let level = survey.coulomb.max(f64::MIN_POSITIVE);
+    let mut stiffnesses: Vec<f64> = geometric(shortest, longest, 14)
+        .iter()
+        .map(|distance| level / distance)
+        .collect();
+    stiffnesses.reverse();
+    stiffnesses
+}
+
+impl Effect for Presliding {
+    fn id(&self) -> &'static str {
+        "presliding"
+    }
+    fn name(&self) -> &'static str {
+        "Presliding"
+    }
+    fn doc(&self) -> &'static str {
+        include_str!("presliding.rs")
+    }
+    fn parameters(&self) -> &'static [Spec] {
+        const { &[STIFFNESS] }
+    }
+    fn confusions(&self) -> &'static [Confusion] {
+        const {
+            &[
+                Confusion {
+                    id: "stribeck",
+                    tell_apart_by: "ramp the drive slowly up and down below break-away: bristles deflect and spring back, a Stribeck curve gives no motion at all",
+                },
+                Confusion {
+                    id: "backlash",
+                    tell_apart_by: "reverse with strokes of several sizes: in a gap the drive meets no resistance at all and the load jumps at its end, bristles resist from the first count on",
+                },
+                Confusion {
+                    id: "delay",
+                    tell_apart_by: "step the drive at constant speed: a delay shows there as well, bristles only where velocity changes sign",
+                },
+            ]
+        }
+    }
+    fn sentence(&self, p: &[f64], motion: Motion) -> String {
+        format!(
+            "Friction builds up elastically at {} after each reversal instead of jumping: compensate with a bristle state (Dahl or LuGre) instead of the sign of velocity.",
+            quantity(p[0], Quantity::Stiffness.unit(motion))
+        )
+    }
+    fn width(&self) -> usize {
+        0
+    }
+    fn inner(&self) -> Option<usize> {
+        Some(0)
+    }
+    fn grid(&self, survey: &Survey) -> Vec<f64> {
+        stiffnesses(survey)
+    }
+    fn named(&self, inner: Inner, _c: &[f64], _scale: Scale) -> Vec<f64> {
+        vec![inner[0]]
+    }
+    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
+        ([p[0], 0.0], Vec::new())
+    }
+    fn bristle_stiffness(&self, p: &[f64]) -> Option<f64> {
+        Some(p[0])
+    }
+}
+
+impl Effect for Bristles {
+    fn id(&self) -> &'static str {
+        Presliding.id()
+    }
+    fn name(&self) -> &'static str {
+        Presliding.name()
+    }
+    fn doc(&self) -> &'static str {
+        Presliding.doc()
+    }
+    fn parameters(&self) -> &'static [Spec] {
+        const BOTH: &[Spec] = &[STIFFNESS, DAMPING];
+        &BOTH[..=usize::from(self.damped)]
+    }
+    fn confusions(&self) -> &'static [Confusion] {
+        Presliding.confusions()
+    }
+    fn sentence(&self, p: &[f64], motion: Motion) -> String {
+        Presliding.sentence(p, motion)
+    }
+    fn width(&self) -> usize {
+        usize::from(self.damped)
+    }
+    fn inner(&self) -> Option<usize> {
+        Some(0)
+    }
+    fn grid(&self, survey: &Survey) -> Vec<f64> {
+        stiffnesses(survey)
+    }
+    fn basis(&self, _inner: Inner, at: Point, out: &mut [f64]) {
+        if self.damped {
+            out[0] = at.bending;
+        }
+    }
+    fn named(&self, inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
+        [&inner[..1], c].concat()
+    }
+    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
+        ([p[0], 0.0], p[1..].to_vec())
+    }
+    fn admissible(&self, c: &[f64]) -> bool {
+        c.iter().all(|damping| *damping >= 0.0)
+    }
+    fn bristle_stiffness(&self, p: &[f64]) -> Option<f64> {
+        Some(p[0])
+    }
+}

@@ -1,0 +1,67 @@
+//! Bristles driven by the measured motion: a regressor that needs no simulation of the axis.
+
+use bristle_core::friction::Dynamic;
+
+use super::Track;
+
+/// Bristles in one cell of a track, by their means.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bent {
+    /// Their force over the level that it would reach by sliding on: `σ0·z/g(v)`, the direction of sliding with a memory.
+    pub direction: f64,
+    /// Rate of their deflection, rad/s or m/s.
+    pub rate: f64,
+}
+
+/// Displacement of this many standard deviations of the position noise bends bristles; less of it is noise.
+const CERTAIN: f64 = 4.0;
+
+impl Track {
+    /// What the measured motion does to the bristles of a law, cell by cell.
+    ///
+    /// At rest velocity is noise, whose path would bend them to and fro. What is left there is the displacement from one
+    /// end of the rest to the other; where the breakaway distance is too short for the encoder to show it, an axis that
+    /// moves on has bent them fully in the direction that it moves to.
+    pub fn bend(&self, law: &dyn Dynamic<f64>) -> Vec<Bent> {
+        let breakaway = law.level(0.0) / law.stiffness();
+        let shows = breakaway >= CERTAIN * self.position_noise;
+        let mut bent = Vec::with_capacity(self.cells.len());
+        let first = self.cells.first().map_or(0.0, |c| c.v);
+        let mut z = law.level(first) / law.stiffness() * first.signum();
+        while bent.len() < self.cells.len() {
+            let from = bent.len();
+            let rest = self.sliding[from..]
+                .iter()
+                .take_while(|s| **s == 0.0)
+                .count();
+            if rest > 0 {
+                let end = from + rest;
+                if shows {
+                    let time = rest as f64 * self.period;
+                    z = law.advance(z, (self.q[end] - self.q[from]) / time, time);
+                } else if let Some(next) = self.cells.get(end) {
+                    z = breakaway * next.s;
+                }
+                let direction = law.stiffness() * z / law.level(0.0);
+                bent.resize(
+                    end,
+                    Bent {
+                        direction,
+                        rate: 0.0,
+                    },
+                );
+                continue;
+            }
+            let v = self.cells[from].v;
+            let step = law.step(z, v, self.period);
+            let rate = (step.deflection - z) / self.period;
+            let force = step.force - law.damping() * rate - law.viscosity() * v;
+            z = step.deflection;
+            bent.push(Bent {
+                direction: force / law.level(v),
+                rate,
+            });
+        }
+        bent
+    }
+}
