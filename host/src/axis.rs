@@ -4,7 +4,7 @@ use std::cmp::Ordering;
 
 use bristle_core::friction::{CoulombViscous, Dynamic, Friction};
 
-use crate::effects::{Effect, Inner, Moment, Path, Point, Seat};
+use crate::effects::{Coupling, Effect, Inner, Moment, Path, Point, Seat};
 use crate::error::{Error, Result};
 use crate::model::{Bristles, Model, Parameter, Term};
 use crate::motion::Motion;
@@ -37,6 +37,8 @@ pub struct Axis {
     pub path: Path,
     /// `F`.
     pub contact: Contact,
+    /// Part of the inertia that hangs behind the measured side, if any does.
+    pub coupling: Option<Coupling>,
     /// Errors in the measured position, with their coefficients.
     errors: Vec<(&'static dyn Effect, Vec<f64>)>,
 }
@@ -176,6 +178,26 @@ fn numbers(
         .collect()
 }
 
+/// What hangs behind the measured side; refuses two loads, and one that is all of the inertia.
+fn coupling(model: &Model, inertia: f64) -> Result<Option<Coupling>> {
+    let of = |t: &Term| Some((t.effect.id(), t.effect.coupling(&system::values(t))?));
+    let mut all = model.terms.iter().filter_map(of);
+    let (first, second) = (all.next(), all.next());
+    if let (Some((one, _)), Some((other, _))) = (first, second) {
+        return Err(Error::Usage(format!(
+            "[effects.{one}] and [effects.{other}] each hang a load on the axis, and only one can; leave one out"
+        )));
+    }
+    match first {
+        Some((id, coupling)) if coupling.inertia <= 0.0 || coupling.inertia >= inertia => {
+            Err(Error::Usage(format!(
+                "effects.{id}.load_inertia must lie between zero and plant.inertia, of which it is a part"
+            )))
+        }
+        _ => Ok(first.map(|(_, coupling)| coupling)),
+    }
+}
+
 /// Refuses a model in which a value is missing; the message names the first one.
 pub fn complete(model: &Model) -> Result<()> {
     match model.first_unknown() {
@@ -209,6 +231,7 @@ impl Axis {
             gain: model.gain.value.unwrap_or_default(),
             path: system::path(model),
             contact: Contact::new(model),
+            coupling: coupling(model, moving.value.unwrap_or_default())?,
             errors: errors.collect(),
         })
     }

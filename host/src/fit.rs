@@ -52,7 +52,7 @@ pub fn predict(
             .partition_point(|&t| t < recording.t[first] + horizon - 1e-9)
             .clamp(first + 1, to);
         let start = measured_state(recording, track, first);
-        states.extend(simulate::run(axis, recording, first, end - 1, start));
+        states.extend(simulate::run_axis(axis, recording, first, end - 1, start));
         first = end;
     }
     states
@@ -167,7 +167,7 @@ fn windows(
             .partition_point(|&t| t < recording.t[first] + horizon - 1e-9)
             .clamp(first + 1, range.end);
         let start = measured_state(recording, track, first);
-        let states = simulate::run(axis, recording, first, end - 1, start);
+        let states = simulate::run_axis(axis, recording, first, end - 1, start);
         for (state, x) in states.iter().zip(&measured[first..end]) {
             let predicted = if positions {
                 state.q - start.q

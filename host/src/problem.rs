@@ -234,6 +234,13 @@ impl Problem {
         columns
     }
 
+    /// Mean acceleration, relative to the measured position, of the load that an effect hangs on the axis.
+    pub fn load(&self, effect: &'static dyn Effect, inner: Inner) -> Vec<Column> {
+        self.cached((effect.id(), inner.map(f64::to_bits).to_vec()), || {
+            vec![self.stack(|t, w| w.acceleration(&effect.load(inner, &t.q, &t.v, t.period)))]
+        })
+    }
+
     /// Mean acceleration and mean velocity of the error in the measured position, for each unit coefficient of an effect.
     pub fn errors(&self, effect: &'static dyn Effect) -> Vec<[Column; 2]> {
         let columns = self.cached((effect.id(), Vec::new()), || {

@@ -4,7 +4,7 @@ use crate::axis::Axis;
 use crate::effects::Path;
 use crate::recording::Recording;
 pub use crate::step::State;
-use crate::step::{self, Drive, Mechanism, Memory};
+use crate::step::{self, Drive, Loaded, Mechanism, Memory};
 
 /// Which sample's input acts, under a zero-order hold, and where a lag behind it stands.
 #[derive(Clone, Copy, Debug, Default)]
@@ -94,6 +94,20 @@ pub fn run<const N: usize>(
         states.push(plant.measured(&state.x));
     }
     states
+}
+
+/// Runs an axis so, with the load behind its measured side if it has one.
+pub fn run_axis(
+    axis: &Axis,
+    recording: &Recording,
+    first: usize,
+    last: usize,
+    from: State,
+) -> Vec<State> {
+    match axis.coupling {
+        None => run(axis, recording, first, last, from),
+        Some(coupling) => run(&Loaded::new(axis, coupling), recording, first, last, from),
+    }
 }
 
 /// Advances an axis whose law has no state by `h` seconds under a constant drive.

@@ -8,7 +8,7 @@
 
 use nalgebra::DVector;
 
-use crate::effects::{Path, Seat};
+use crate::effects::{Effect, Path, Seat};
 use crate::error::{Error, Result};
 use crate::linear::{self, Score};
 use crate::model::{Causality, Model, Parameter, Term};
@@ -251,7 +251,7 @@ impl System {
             if term.parameters.iter().all(|p| p.known) {
                 continue;
             }
-            admissible &= term.effect.admissible(coefficients);
+            admissible &= allowed(term.effect, coefficients, moved);
             let (inner, _) = term.effect.linear(&values(term), measure);
             let named = term.effect.named(inner, coefficients, measure);
             let scanned = term.effect.inner();
@@ -326,8 +326,11 @@ impl Sides {
 /// has so far; the joint refinement takes the one that it arrives at.
 pub fn columns(problem: &Problem, model: &Model, term: &Term) -> Vec<Column> {
     let effect = term.effect;
+    let (inner, _) = effect.linear(&values(term), model.scale());
+    if effect.seat() == Seat::Load {
+        return problem.load(effect, inner);
+    }
     if effect.seat() != Seat::Sensor {
-        let (inner, _) = effect.linear(&values(term), model.scale());
         return problem.effect(effect, inner, &problem.direction(model), &path(model));
     }
     let inertia = model.parameters()[model.moving_inertia()].value;
@@ -387,7 +390,10 @@ pub fn residual(problem: &Problem, model: &Model) -> Vec<f64> {
                 add(&mut torque, c * value(&model.viscous), velocity);
             }
         } else {
-            let columns = problem.effect(term.effect, inner, &direction, &path);
+            let columns = match term.effect.seat() {
+                Seat::Load => problem.load(term.effect, inner),
+                _ => problem.effect(term.effect, inner, &direction, &path),
+            };
             for (column, c) in columns.iter().zip(coefficients) {
                 add(&mut torque, -c, column);
             }
@@ -417,10 +423,23 @@ pub fn torque_scale(problem: &Problem, model: &Model) -> f64 {
     }
 }
 
+/// Share of the inertia that may hang behind the measured side at most.
+const HEAVIEST_LOAD: f64 = 0.95;
+
+/// Whether physics allows the coefficients of an effect on an axis of some inertia.
+fn allowed(effect: &dyn Effect, coefficients: &[f64], inertia: Option<f64>) -> bool {
+    let heaviest = HEAVIEST_LOAD * inertia.unwrap_or(f64::INFINITY);
+    let carried = effect.seat() != Seat::Load || coefficients.iter().all(|c| *c < heaviest);
+    carried && effect.admissible(coefficients)
+}
+
 /// The first estimated term whose coefficients physics does not allow.
 pub fn inadmissible(model: &Model) -> Option<usize> {
-    let scale = model.scale();
-    let allowed = |t: &Term| t.effect.admissible(&t.effect.linear(&values(t), scale).1);
+    let (scale, inertia) = (model.scale(), model.parameters()[model.moving_inertia()]);
+    let allowed = |t: &Term| {
+        let (_, coefficients) = t.effect.linear(&values(t), scale);
+        allowed(t.effect, &coefficients, inertia.value)
+    };
     model
         .terms
         .iter()

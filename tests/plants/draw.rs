@@ -199,6 +199,18 @@ impl Basis<'_> {
                 let wave = self.wave(rng);
                 (Law::TorqueRipple { wave, phase }, 1.4 * size)
             }
+            "compliance" => {
+                let law = Law::Compliance {
+                    share: between(rng, 0.3, 0.8),
+                    damping: between(rng, 0.02, 0.1),
+                };
+                (law, 1.0 / 400.0)
+            }
+            "backlash" => {
+                let share = between(rng, 0.3, 0.8);
+                let travel = (self.look.hi - self.look.lo).min(6.0);
+                (Law::Backlash { share }, 0.05 * size * travel)
+            }
             "actuator-lag" => (Law::ActuatorLag, 1e-3 + 0.02 * size),
             "inertia-mismatch" => (Law::InertiaMismatch { side: sign(rng) }, size),
             "sensor-eccentricity" => {

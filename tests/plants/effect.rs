@@ -102,6 +102,15 @@ pub(super) enum Law {
     },
     /// `x`: seconds. Applied by the sampled loop.
     ActuatorLag,
+    /// `x`: square of the load's period, s², with the other side held; `share`: of the inertia. Applied by the integrator.
+    Compliance {
+        share: f64,
+        damping: f64,
+    },
+    /// `x`: play in all; `share`: of the inertia. Applied by the integrator.
+    Backlash {
+        share: f64,
+    },
     /// `x`: share by which the inertia of the model file is off. Nothing of it is in the motion.
     InertiaMismatch {
         side: f64,
@@ -237,6 +246,12 @@ impl Effect {
             Law::TorqueRipple { wave, phase } => {
                 vec![("ripple", x), ("wave", wave), ("phase", phase)]
             }
+            Law::Compliance { share, damping } => vec![
+                ("antiresonance", x.sqrt().recip()),
+                ("load_share", share),
+                ("damping_ratio", damping),
+            ],
+            Law::Backlash { share } => vec![("gap", x), ("load_share", share)],
             Law::ActuatorLag => vec![("time_constant", x)],
             Law::InertiaMismatch { side } => vec![("true_over_given", (side * x).exp())],
             Law::SensorEccentricity { phase } => vec![("amplitude", x), ("phase", phase)],

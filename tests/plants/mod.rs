@@ -39,7 +39,7 @@ pub use recipe::{Control, Motion, Noise, Recipe};
 pub use simulate::simulate;
 
 /// The effects that the catalogue names.
-pub const NAMED: [&str; 22] = [
+pub const NAMED: [&str; 24] = [
     "direction-asymmetry",
     "viscous-asymmetry",
     "stribeck",
@@ -62,6 +62,8 @@ pub const NAMED: [&str; 22] = [
     "input-dead-zone",
     "actuator-lag",
     "sensor-eccentricity",
+    "backlash",
+    "compliance",
 ];
 
 /// Effects that it does not name: to be called unknown, or at least not misnamed badly.

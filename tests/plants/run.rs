@@ -77,6 +77,7 @@ pub(super) fn run(recipe: &Recipe, setup: &Setup, axis: &Axis, scale: Scale, h: 
     let mut controller = setup.controller(recipe, axis.inertia, ts);
     let mut x = State {
         q: setup.start,
+        load_q: setup.start,
         ..State::default()
     };
     let mut out = Run {
@@ -102,6 +103,7 @@ pub(super) fn run(recipe: &Recipe, setup: &Setup, axis: &Axis, scale: Scale, h: 
         out.v.push(x.v);
         let process = scale.noise * setup.noise[k];
         let mut late = 0.0;
+        let before = x;
         for i in 0..sub {
             let held = delay.map_or(u, |d| {
                 let from = k as f64 + i as f64 / sub as f64 - d / ts;
@@ -124,6 +126,8 @@ pub(super) fn run(recipe: &Recipe, setup: &Setup, axis: &Axis, scale: Scale, h: 
             x = next;
         }
         out.trace[k].late = late;
+        out.trace[k].hung =
+            axis.load_inertia() * ((x.v - before.v) - (x.load_v - before.load_v)) / ts;
     }
     out
 }
@@ -140,6 +144,7 @@ fn point(x: &State, next: &State, u: f64, t: f64, h: f64) -> Point {
         u,
         late: 0.0,
         bristle: next.bristle,
+        hung: 0.0,
     }
 }
 

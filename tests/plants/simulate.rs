@@ -152,7 +152,9 @@ impl<'a> Trial<'a> {
             let torque: Vec<f64> = out.trace.iter().map(|p| e.torque(p, &self.axis)).collect();
             // The encoder's noise in u is not what a delay is seen by: look below 50 Hz.
             let average = match e.law {
-                Law::Delay | Law::ActuatorLag => (0.01 * self.recipe.rate) as usize,
+                Law::Delay | Law::ActuatorLag | Law::Compliance { .. } | Law::Backlash { .. } => {
+                    (0.01 * self.recipe.rate) as usize
+                }
                 _ => 0,
             };
             match e.law {
@@ -221,6 +223,7 @@ impl Effect {
         };
         match self.law {
             Law::Delay | Law::ActuatorLag => p.late,
+            Law::Compliance { .. } | Law::Backlash { .. } => p.hung,
             Law::InertiaMismatch { .. } => axis.inertia * p.a * self.x,
             Law::SensorEccentricity { phase } => {
                 // The second derivative of the error, which the encoder feigns.
@@ -246,6 +249,10 @@ impl Effect {
         };
         *last = Some(here);
         self.x *= ((wanted.ln() - here.1) / slope).clamp(-1.5, 1.5).exp();
+        if matches!(self.law, Law::Compliance { .. }) {
+            // 6 to 60 Hz.
+            self.x = self.x.clamp(1.0 / 3600.0, 1.0 / 36.0);
+        }
         if matches!(self.law, Law::Delay | Law::ActuatorLag) {
             self.x = self.x.clamp(1e-3, 8e-3);
         }

@@ -27,6 +27,8 @@ pub enum Seat {
     Input,
     /// In the measured `q`, by [`Effect::error`].
     Sensor,
+    /// In a load behind the measured side, by [`Effect::load`]: its coefficient is the part of `J` that hangs there.
+    Load,
     /// In `J`: its first parameter takes the place of the inertia that the model gives.
     Inertia,
 }
@@ -40,6 +42,35 @@ pub enum Search {
     Interval,
     /// The inner parameter is a frequency in time, in Hz, of a sine and a cosine.
     Line,
+}
+
+/// What joins a load to the measured side: a spring and a damper, beyond a gap if there is one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Coupling {
+    /// Inertia of the load, kg·m² or kg.
+    pub inertia: f64,
+    /// Torque or force per displacement.
+    pub stiffness: f64,
+    /// Torque or force per speed.
+    pub damping: f64,
+    /// Displacement in all within which nothing joins them, rad or m.
+    pub gap: f64,
+}
+
+impl Coupling {
+    /// What drives the load while it is ahead by `y` and moves ahead at `rate`.
+    pub fn torque(&self, y: f64, rate: f64) -> f64 {
+        let beyond = y - y.clamp(-0.5 * self.gap, 0.5 * self.gap);
+        if self.gap == 0.0 {
+            return -self.stiffness * y - self.damping * rate;
+        }
+        if beyond == 0.0 {
+            return 0.0;
+        }
+        // The wall at an end pushes and does not pull.
+        let push = self.stiffness * beyond.abs() + self.damping * rate * beyond.signum();
+        -push.max(0.0) * beyond.signum()
+    }
 }
 
 /// A confusion that one kind of data cannot resolve.
@@ -111,6 +142,15 @@ pub trait Effect: Sync {
     fn transmit(&self, _parameters: &[f64], _path: &mut Path) {}
     /// The error of the measured position `q` of each unit coefficient, and its slope over `q`, into `out`.
     fn error(&self, _q: f64, _out: &mut [(f64, f64)]) {}
+    /// Where a load that the measured motion carries along stands at every sample, relative to the measured position `q`;
+    /// `v` is the smoothed velocity.
+    fn load(&self, _inner: Inner, _q: &[f64], _v: &[f64], _period: f64) -> Vec<f64> {
+        Vec::new()
+    }
+    /// What the load hangs on, for simulation.
+    fn coupling(&self, _parameters: &[f64]) -> Option<Coupling> {
+        None
+    }
     /// Named parameters from the linear solution.
     fn named(&self, inner: Inner, coefficients: &[f64], scale: Scale) -> Vec<f64>;
     /// The linear solution from named parameters: inner parameters and coefficients.
@@ -139,15 +179,6 @@ pub struct Derived {
     pub quantity: Quantity,
     /// Weights of the effect's first parameter, of Coulomb and of viscous friction.
     pub weights: [f64; 3],
-}
-
-/// An effect of the catalogue that this version does not diagnose yet.
-#[derive(Clone, Copy, Debug)]
-pub struct Planned {
-    /// The stable id.
-    pub id: &'static str,
-    /// What it is.
-    pub summary: &'static str,
 }
 
 /// Declares the modules of the catalogue and lists them.
@@ -182,6 +213,8 @@ catalogue! {
     input_dead_zone::InputDeadZone,
     actuator_lag::ActuatorLag,
     sensor_eccentricity::SensorEccentricity,
+    backlash::Backlash,
+    compliance::Compliance,
 }
 
 /// What friction laws with bristles are made of, beside the effects of the catalogue.
@@ -232,18 +265,6 @@ pub fn tell_apart(one: &dyn Effect, other: &dyn Effect) -> String {
         })
 }
 
-macro_rules! planned {
-    ($($id:literal : $summary:literal),* $(,)?) => {
-        /// Effects that have an id but are not diagnosed yet.
-        pub const PLANNED: &[Planned] = &[$(Planned { id: $id, summary: $summary }),*];
-    };
-}
-
-planned! {
-    "backlash": "lost motion between the driven and the measured side",
-    "compliance": "elastic transmission: a resonance between motor and load",
-}
-
 /// Most periods per turn that are tried.
 const MOST_PER_TURN: u32 = 120;
 /// Most periods within the travel of a linear axis that are tried.
@@ -262,6 +283,13 @@ fn periodicities(survey: &Survey, first: u32) -> Vec<f64> {
                 .collect()
         }
     }
+}
+
+/// Why an axis cannot show what hangs on it, if it cannot.
+fn undriven(axis: &Given) -> Option<&'static str> {
+    (!axis.driven).then_some(
+        "under causality = \"inverse\" the motion is imposed, and what hangs behind it answers to nothing else",
+    )
 }
 
 /// Why an axis cannot show that its input is cut, if it cannot.

@@ -345,11 +345,6 @@ fn term(effect: &'static dyn Effect, table: &dyn TableLike) -> Checked<Term> {
 }
 
 fn unknown_effect(id: &str) -> String {
-    if effects::PLANNED.iter().any(|p| p.id == id) {
-        return format!(
-            "[effects.{id}]: this effect is in the catalogue but not in this version yet (see bristle explain {id})"
-        );
-    }
     let ids: Vec<&str> = effects::ALL.iter().map(|e| e.id()).collect();
     format!(
         "[effects.{id}] is not an effect; there are {}",

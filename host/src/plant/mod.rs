@@ -14,11 +14,12 @@ pub use mass_spring::mass_spring;
 pub use wheel_slip::WheelSlip;
 
 use crate::axis::Axis;
-use crate::error::Result;
+use crate::effects::Seat;
+use crate::error::{Error, Result};
 use crate::model::{Kind, Model};
 use crate::recording::Recording;
 use crate::simulate::Hold;
-use crate::step::{Mechanism, Memory, State};
+use crate::step::{Loaded, Mechanism, Memory, State};
 
 /// A mechanism in motion, whatever its equations.
 pub trait Plant {
@@ -37,13 +38,33 @@ pub trait Plant {
 
 /// The plant that a model file describes, at rest at zero; a message names what is missing or does not fit together.
 pub fn new(model: &Model) -> Result<Box<dyn Plant>> {
+    refuse_loads(model)?;
     Ok(match model.kind {
-        Kind::Axis => Running::new(Axis::simulated(model)?),
+        Kind::Axis => {
+            let axis = Axis::simulated(model)?;
+            match axis.coupling {
+                None => Running::new(axis),
+                Some(coupling) => Running::new(Loaded::new(axis, coupling)),
+            }
+        }
         Kind::MassSpring => Running::new(mass_spring(model)?),
         Kind::DcMotor => Running::new(DcMotor::new(model)?),
         Kind::GearedServo => Running::new(geared_servo(model)?),
         Kind::WheelSlip => Running::new(WheelSlip::new(model)?),
     })
+}
+
+/// Only an axis can carry a load behind its measured side; the other plants have their own.
+fn refuse_loads(model: &Model) -> Result<()> {
+    let mut terms = model.terms.iter();
+    match terms.find(|t| t.effect.seat() == Seat::Load) {
+        Some(term) if model.kind != Kind::Axis => Err(Error::Usage(format!(
+            "[effects.{}] hangs a load on the axis, and plant.kind = {:?} has a mechanism of its own; leave the effect out",
+            term.effect.id(),
+            model.kind.as_str()
+        ))),
+        _ => Ok(()),
+    }
 }
 
 /// A mechanism with what it remembers.

@@ -5,7 +5,10 @@
 //! bristle state by midpoint steps with the exact step of the bristles inside (`bristle.rs`).
 
 mod bristle;
+mod loaded;
 mod slide;
+
+pub use loaded::Loaded;
 
 use bristle_core::Scalar;
 use bristle_core::friction::Dynamic;
