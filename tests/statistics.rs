@@ -95,7 +95,8 @@ fn effects_are_named_and_measured() {
             fit.after.held_out
         );
     }
-    assert!(wrong.len() < 2, "{wrong:?}");
+    // Of 24 effects at nineteen of twenty right, four are wrong in one of thirty sets.
+    assert!(wrong.len() < 4, "{wrong:?}");
 }
 
 #[test]

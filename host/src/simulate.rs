@@ -238,4 +238,57 @@ mod tests {
         // The method's energy error is of order (ωh)^5 per radian: ω·h = 0.01, about 50 rad.
         assert!(drift < 1e-6, "{drift:e}");
     }
+
+    #[test]
+    fn truth_and_reading_are_inverse_and_err_as_said() {
+        let text = "[plant]\nmotion = \"rotary\"\ninertia = 0.01\n[friction]\ncoulomb = 0.1\nviscous = 0.0\n[effects.sensor-eccentricity]\namplitude = 0.02\nphase = 0.6\n";
+        let axis = Axis::new(&Model::parse(text).unwrap()).unwrap();
+        let seen = State { q: 1.3, v: 7.0 };
+        let truth = axis.truth(seen);
+        assert!((seen.q - truth.q - 0.02 * 1.9f64.sin()).abs() < 1e-15);
+        assert!((truth.v - 7.0 * (1.0 - 0.02 * 1.9f64.cos())).abs() < 1e-14);
+        let again = axis.seen(truth);
+        assert!((again.q - seen.q).abs() < 1e-14 && (again.v - seen.v).abs() < 1e-13);
+    }
+
+    /// Under a step `u₀` without friction, `v = u₀/J·(t − τ·(1 − e^(−t/τ)))`.
+    #[test]
+    fn a_step_is_answered_late_and_softly() {
+        let text = "[plant]\nmotion = \"rotary\"\ninertia = 0.01\n[friction]\ncoulomb = 0.0\nviscous = 0.0\n[effects.actuator-lag]\ntime_constant = 0.004\n";
+        let axis = Axis::new(&Model::parse(text).unwrap()).unwrap();
+        let t: Vec<f64> = (0..40).map(|k| f64::from(k) * 1e-3).collect();
+        let u: Vec<f64> = (0..40).map(|k| f64::from(k >= 10)).collect();
+        let recording = Recording {
+            path: "made.csv".into(),
+            t,
+            u,
+            q: None,
+            v: None,
+        };
+        let states = run(&axis, &recording, 0, 39, State::default());
+        let since = 0.029;
+        let exact = 100.0 * (since - 0.004 * (1.0 - f64::exp(-since / 0.004)));
+        assert!(
+            (states[39].v - exact).abs() < 1e-12,
+            "{} {exact}",
+            states[39].v
+        );
+        // Restarted in the middle, it knows where the lag stands.
+        let again = run(&axis, &recording, 15, 39, states[15]);
+        assert!((again[24].v - exact).abs() < 1e-12);
+    }
+
+    #[test]
+    fn it_takes_the_place_of_the_given_inertia() {
+        let text = "[plant]\nmotion = \"rotary\"\ninertia = 0.01\n[friction]\ncoulomb = 0.1\nviscous = 0.0\n[effects.inertia-mismatch]\ninertia = 0.013\n";
+        let model = Model::parse(text).unwrap();
+        assert_eq!(Axis::new(&model).unwrap().inertia, 0.013);
+        let unknown = text.replace("0.01\n", "\"?\"\n");
+        assert!(
+            Model::parse(&unknown)
+                .err()
+                .unwrap()
+                .contains("does not apply")
+        );
+    }
 }

@@ -94,7 +94,7 @@ fn trials(base: &Base, model: &Model, excluded: &[&str]) -> Result<Vec<Trial>> {
     let mut trials = Vec::new();
     let given = model.given();
     for &effect in effects::ALL.iter().filter(|e| {
-        e.unsuited(&given).is_none() && !model.has(e.id()) && !excluded.contains(&e.id())
+        e.unsuited(given).is_none() && !model.has(e.id()) && !excluded.contains(&e.id())
     }) {
         trials.extend(base.attempt(effect)?);
     }

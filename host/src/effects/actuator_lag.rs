@@ -56,7 +56,7 @@ impl Effect for ActuatorLag {
             quantity(1.0 / (std::f64::consts::TAU * p[0]), "Hz")
         )
     }
-    fn unsuited(&self, axis: &Given) -> Option<&'static str> {
+    fn unsuited(&self, axis: Given) -> Option<&'static str> {
         (!axis.driven).then_some("under causality = \"inverse\" the input is a reaction, which nothing drives")
     }
     fn seat(&self) -> Seat {
@@ -81,36 +81,5 @@ impl Effect for ActuatorLag {
     }
     fn transmit(&self, p: &[f64], path: &mut Path) {
         path.lag = p[0];
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use crate::axis::Axis;
-    use crate::model::Model;
-    use crate::recording::Recording;
-    use crate::simulate::{State, run};
-
-    /// Under a step `u₀` without friction, `v = u₀/J·(t − τ·(1 − e^(−t/τ)))`.
-    #[test]
-    fn a_step_is_answered_late_and_softly() {
-        let text = "[plant]\nmotion = \"rotary\"\ninertia = 0.01\n[friction]\ncoulomb = 0.0\nviscous = 0.0\n[effects.actuator-lag]\ntime_constant = 0.004\n";
-        let axis = Axis::new(&Model::parse(text).unwrap()).unwrap();
-        let t: Vec<f64> = (0..40).map(|k| f64::from(k) * 1e-3).collect();
-        let u: Vec<f64> = (0..40).map(|k| f64::from(k >= 10)).collect();
-        let recording = Recording {
-            path: "made.csv".into(),
-            t,
-            u,
-            q: None,
-            v: None,
-        };
-        let states = run(&axis, &recording, 0, 39, State::default());
-        let since = 0.029;
-        let exact = 100.0 * (since - 0.004 * (1.0 - f64::exp(-since / 0.004)));
-        assert!((states[39].v - exact).abs() < 1e-12, "{} {exact}", states[39].v);
-        // Restarted in the middle, it knows where the lag stands.
-        let again = run(&axis, &recording, 15, 39, states[15]);
-        assert!((again[24].v - exact).abs() < 1e-12);
     }
 }

@@ -69,7 +69,7 @@ impl Effect for Backlash {
             quantity(p[1], Quantity::Position.unit(motion))
         )
     }
-    fn unsuited(&self, axis: &Given) -> Option<&'static str> {
+    fn unsuited(&self, axis: Given) -> Option<&'static str> {
         undriven(axis)
     }
     fn seat(&self) -> Seat {
@@ -132,7 +132,7 @@ mod tests {
     fn the_load_flies_on_through_the_gap_and_is_caught() {
         // One side starts at 1 rad/s after 0.1 s and stops at 0.5 s; the load, caught at the rear wall after 0.1 rad, flies
         // on through 0.2 rad.
-        let v: Vec<f64> = (0..1000).map(|k| f64::from(k >= 100 && k < 500)).collect();
+        let v: Vec<f64> = (0..1000).map(|k| f64::from((100..500).contains(&k))).collect();
         let relative = Backlash.load([0.2, 0.0], &[], &v, 1e-3);
         assert!((relative[400] + 0.1).abs() < 1e-12);
         assert!(relative[600].abs() < 2e-3, "{}", relative[600]);

@@ -70,7 +70,7 @@ impl Effect for Compliance {
             quantity(p[1], "Hz")
         )
     }
-    fn unsuited(&self, axis: &Given) -> Option<&'static str> {
+    fn unsuited(&self, axis: Given) -> Option<&'static str> {
         undriven(axis)
     }
     fn seat(&self) -> Seat {

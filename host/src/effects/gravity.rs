@@ -64,7 +64,7 @@ impl Effect for Gravity {
             quantity(rest, Quantity::Phase.unit(motion))
         )
     }
-    fn unsuited(&self, axis: &Given) -> Option<&'static str> {
+    fn unsuited(&self, axis: Given) -> Option<&'static str> {
         (axis.motion == Motion::Linear)
             .then_some("an unbalance turns; on a linear axis the weight is a constant force, direction-asymmetry")
     }

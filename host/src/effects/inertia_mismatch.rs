@@ -57,7 +57,7 @@ impl Effect for InertiaMismatch {
             quantity(p[0], Quantity::Inertia.unit(motion))
         )
     }
-    fn unsuited(&self, axis: &Given) -> Option<&'static str> {
+    fn unsuited(&self, axis: Given) -> Option<&'static str> {
         (!axis.inertia).then_some(
             "it says that a given inertia is wrong, and plant.inertia and plant.gain are not both given as known",
         )
@@ -73,20 +73,5 @@ impl Effect for InertiaMismatch {
     }
     fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
         ([p[0], 0.0], Vec::new())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use crate::axis::Axis;
-    use crate::model::Model;
-
-    #[test]
-    fn it_takes_the_place_of_the_given_inertia() {
-        let text = "[plant]\nmotion = \"rotary\"\ninertia = 0.01\n[friction]\ncoulomb = 0.1\nviscous = 0.0\n[effects.inertia-mismatch]\ninertia = 0.013\n";
-        let model = Model::parse(text).unwrap();
-        assert_eq!(Axis::new(&model).unwrap().inertia, 0.013);
-        let unknown = text.replace("0.01\n", "\"?\"\n");
-        assert!(Model::parse(&unknown).err().unwrap().contains("does not apply"));
     }
 }

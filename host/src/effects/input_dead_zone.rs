@@ -61,7 +61,7 @@ impl Effect for InputDeadZone {
             significant(p[0], 3)
         )
     }
-    fn unsuited(&self, axis: &Given) -> Option<&'static str> {
+    fn unsuited(&self, axis: Given) -> Option<&'static str> {
         uncut(axis)
     }
     fn seat(&self) -> Seat {

@@ -104,7 +104,7 @@ pub trait Effect: Sync {
     fn sentence(&self, parameters: &[f64], motion: Motion) -> String;
 
     /// Why the effect cannot be told on such an axis, if it cannot: what follows "because".
-    fn unsuited(&self, _axis: &Given) -> Option<&'static str> {
+    fn unsuited(&self, _axis: Given) -> Option<&'static str> {
         None
     }
     /// Where it sits in the equation of motion.
@@ -286,14 +286,14 @@ fn periodicities(survey: &Survey, first: u32) -> Vec<f64> {
 }
 
 /// Why an axis cannot show what hangs on it, if it cannot.
-fn undriven(axis: &Given) -> Option<&'static str> {
+fn undriven(axis: Given) -> Option<&'static str> {
     (!axis.driven).then_some(
         "under causality = \"inverse\" the motion is imposed, and what hangs behind it answers to nothing else",
     )
 }
 
 /// Why an axis cannot show that its input is cut, if it cannot.
-fn uncut(axis: &Given) -> Option<&'static str> {
+fn uncut(axis: Given) -> Option<&'static str> {
     (!axis.driven)
         .then_some("under causality = \"inverse\" the input is a reaction, which nothing cuts")
 }

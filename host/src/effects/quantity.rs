@@ -49,7 +49,7 @@ impl Quantity {
     pub fn unit(self, motion: Motion) -> &'static str {
         let (rotary, linear) = match self {
             Self::Inertia => ("kg*m^2", "kg"),
-            Self::Torque => ("N*m", "N"),
+            Self::Torque | Self::Input => ("N*m", "N"),
             Self::Viscous => ("N*m*s/rad", "N*s/m"),
             Self::Quadratic => ("N*m*s^2/rad^2", "N*s^2/m^2"),
             Self::PowerLaw => ("N*m*(s/rad)^exponent", "N*(s/m)^exponent"),
@@ -61,7 +61,6 @@ impl Quantity {
             Self::Periodicity => ("1/turn", "1/m"),
             Self::Time => ("s", "s"),
             Self::Frequency => ("Hz", "Hz"),
-            Self::Input => ("N*m", "N"),
             Self::Gain | Self::Number => ("1", "1"),
         };
         if motion == Motion::Rotary {

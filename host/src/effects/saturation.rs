@@ -56,7 +56,7 @@ impl Effect for Saturation {
             significant(p[0], 3)
         )
     }
-    fn unsuited(&self, axis: &Given) -> Option<&'static str> {
+    fn unsuited(&self, axis: Given) -> Option<&'static str> {
         uncut(axis)
     }
     fn seat(&self) -> Seat {

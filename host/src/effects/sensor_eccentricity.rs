@@ -63,7 +63,7 @@ impl Effect for SensorEccentricity {
             quantity(p[0].abs(), Quantity::Position.unit(motion))
         )
     }
-    fn unsuited(&self, axis: &Given) -> Option<&'static str> {
+    fn unsuited(&self, axis: Given) -> Option<&'static str> {
         (axis.motion == Motion::Linear).then_some("a linear axis has no turn")
     }
     fn seat(&self) -> Seat {
@@ -81,23 +81,5 @@ impl Effect for SensorEccentricity {
     }
     fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
         (FREE, vec![p[0] * p[1].cos(), p[0] * p[1].sin()])
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use crate::axis::{Axis, State};
-    use crate::model::Model;
-
-    #[test]
-    fn truth_and_reading_are_inverse_and_err_as_said() {
-        let text = "[plant]\nmotion = \"rotary\"\ninertia = 0.01\n[friction]\ncoulomb = 0.1\nviscous = 0.0\n[effects.sensor-eccentricity]\namplitude = 0.02\nphase = 0.6\n";
-        let axis = Axis::new(&Model::parse(text).unwrap()).unwrap();
-        let seen = State { q: 1.3, v: 7.0 };
-        let truth = axis.truth(seen);
-        assert!((seen.q - truth.q - 0.02 * 1.9f64.sin()).abs() < 1e-15);
-        assert!((truth.v - 7.0 * (1.0 - 0.02 * 1.9f64.cos())).abs() < 1e-14);
-        let again = axis.seen(truth);
-        assert!((again.q - seen.q).abs() < 1e-14 && (again.v - seen.v).abs() < 1e-13);
     }
 }
