@@ -41,6 +41,8 @@ pub struct Workbench {
     pub noise: Noise,
     /// Generic functions of each coordinate.
     pub dictionary: Dictionary,
+    /// What it takes to move the axis, where the drive was asked how long it rests.
+    pub balance: Option<Balance>,
     /// How wide the windows are, and why.
     pub width: Width,
     /// Inertia found with all generic functions in: what a model falls back to that leaves so much out that its own
@@ -125,8 +127,18 @@ pub fn identify(
 impl Workbench {
     /// Chooses the width of the windows, lays them out and estimates the noise.
     pub fn new(recordings: &[Recording], model: &Model, options: Options) -> Result<Self> {
-        let tracks = Problem::tracks(recordings, model.motion, None);
-        let bench = Self::on(&tracks, model, options)?;
+        Self::of(model, options, |balance| {
+            Problem::tracks(recordings, model.motion, balance)
+        })
+    }
+
+    /// The same for tracks that are made by whatever means.
+    pub fn of(
+        model: &Model,
+        options: Options,
+        make: impl Fn(Option<Balance>) -> Vec<Track>,
+    ) -> Result<Self> {
+        let bench = Self::on(&make(None), model, options)?;
         let doubt = bench
             .problem
             .tracks
@@ -135,8 +147,11 @@ impl Workbench {
             .fold(0.0, f64::max);
         match bench.balance(model)? {
             Some(balance) if doubt > LEAST_DOUBT => {
-                let tracks = Problem::tracks(recordings, model.motion, Some(balance));
-                Self::on(&tracks, model, options)
+                let bench = Self::on(&make(Some(balance)), model, options)?;
+                Ok(Self {
+                    balance: Some(balance),
+                    ..bench
+                })
             }
             _ => Ok(bench),
         }
@@ -191,8 +206,9 @@ impl Workbench {
         problem.response = response;
         let system = System::new(&problem, &start)?;
         let (residual, unknowns) = follow_everything(&problem, &system, &dictionary, &folds)?;
-        let noise = Noise::estimate(&problem, &residual, unknowns);
+        let noise = Noise::estimate(&problem, &residual, unknowns, &folds);
         Ok(Self {
+            balance: None,
             problem,
             folds,
             noise,
@@ -522,7 +538,7 @@ const GENERIC_RIDGE: f64 = 1e-6;
 
 /// Residual, in every row, of a fit of the system and the whole dictionary to the training rows, and how many
 /// unknowns that fit had.
-fn follow_everything(
+pub fn follow_everything(
     problem: &Problem,
     system: &System,
     dictionary: &Dictionary,
@@ -560,7 +576,7 @@ fn choose_width(
     options: Options,
 ) -> Result<(Problem, Width)> {
     let reach = |track: &Track, width: f64| {
-        let most = (track.q.len() / 40).max(FEWEST_SAMPLES);
+        let most = (track.whole / 40).max(FEWEST_SAMPLES);
         ((width / track.period).round() as usize).clamp(FEWEST_SAMPLES, most)
     };
     let problem = |width: f64| {

@@ -2,7 +2,7 @@
 //!
 //! Data goes one way. A module uses only those before it in this order, which `tests/structure.rs` checks:
 //!
-//! format → motion → error → effects → model → recording → weak → problem → noise → linear → projection → system → scan → uncertainty → refine → dictionary → axis → step → simulate → plant → excite → bench → fit → identify → diagnose → report → cli
+//! format → motion → error → effects → model → recording → weak → problem → noise → linear → projection → system → scan → normal → uncertainty → refine → dictionary → axis → step → simulate → plant → excite → bench → fit → identify → stream → diagnose → report → cli
 
 pub mod axis;
 pub mod bench;
@@ -19,6 +19,7 @@ pub mod linear;
 pub mod model;
 pub mod motion;
 pub mod noise;
+pub mod normal;
 pub mod plant;
 pub mod problem;
 pub mod projection;
@@ -28,6 +29,7 @@ pub mod report;
 pub mod scan;
 pub mod simulate;
 pub mod step;
+pub mod stream;
 pub mod system;
 pub mod uncertainty;
 pub mod weak;

@@ -58,13 +58,17 @@ const FOLDS: usize = 5;
 pub fn folds(problem: &Problem) -> Vec<Option<usize>> {
     let fold = |row: &crate::problem::Row| {
         let track = &problem.tracks[row.track];
-        // Short recordings are cut into smaller blocks, so that every fold has its share of each.
-        let training = crate::weak::TRAIN_SHARE * track.q.len() as f64 * track.period;
-        let block = BLOCK.min(training / (2 * FOLDS) as f64);
+        let block = block(track.boundary as f64 * track.period);
         let time = row.centre as f64 * track.period;
         (row.part == Part::Train).then(|| (time / block) as usize % FOLDS)
     };
     problem.rows.iter().map(fold).collect()
+}
+
+/// Length of the blocks that folds are made of, s. Short recordings are cut into smaller ones, so that every fold has its
+/// share of each.
+pub fn block(training: f64) -> f64 {
+    BLOCK.min(training / (2 * FOLDS) as f64)
 }
 
 /// The way of the input in a model whose parameters have values.

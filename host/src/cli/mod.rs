@@ -5,6 +5,7 @@ mod demo;
 mod diagnose;
 mod explain;
 mod identify;
+mod input;
 mod output;
 mod simulate;
 mod terminal;

@@ -78,6 +78,9 @@ impl Effect for LoadStep {
             quantity(p[1], "s")
         )
     }
+    fn timed(&self) -> bool {
+        true
+    }
     fn search(&self) -> Search {
         Search::Interval
     }

@@ -115,6 +115,10 @@ pub trait Effect: Sync {
     fn driven(&self) -> bool {
         false
     }
+    /// Whether its torque depends on time.
+    fn timed(&self) -> bool {
+        false
+    }
     /// How its inner parameters are found.
     fn search(&self) -> Search {
         Search::Grid

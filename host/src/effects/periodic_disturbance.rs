@@ -65,6 +65,9 @@ impl Effect for PeriodicDisturbance {
             quantity(p[2], "Hz")
         )
     }
+    fn timed(&self) -> bool {
+        true
+    }
     fn search(&self) -> Search {
         Search::Line
     }

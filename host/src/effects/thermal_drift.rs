@@ -65,6 +65,9 @@ impl Effect for ThermalDrift {
             quantity(p[1], Quantity::Viscous.unit(motion))
         )
     }
+    fn timed(&self) -> bool {
+        true
+    }
     fn width(&self) -> usize {
         2
     }

@@ -1,5 +1,6 @@
 //! A recording on a uniform time grid, with smoothed velocity and the direction of sliding.
 
+use super::TRAIN_SHARE;
 use super::reversal::{Drive, Reversal};
 use super::smooth::Differentiator;
 use crate::effects::{Moment, Path, Point, Survey};
@@ -31,7 +32,56 @@ pub struct Track {
     pub velocity_noise: f64,
     /// Share of the time in which the axis may rest at reversals without its positions showing it.
     pub doubt: f64,
+    /// First node of the held-out part.
+    pub boundary: usize,
+    /// Nodes of the whole recording, of which this may be a piece.
+    pub whole: usize,
     input: Held,
+}
+
+/// How the velocity of all pieces of a recording is smoothed.
+#[derive(Clone, Copy, Debug)]
+pub struct Smoothing {
+    /// Half-width of the filter, s.
+    half_width: f64,
+    /// Standard deviation of the position noise.
+    position_noise: f64,
+}
+
+impl Smoothing {
+    /// What some stretches of recordings together ask for, by the rule for a recording. `None` without any.
+    pub fn of(tracks: &[Track], velocity_only: bool) -> Option<Self> {
+        let mut noises: Vec<f64> = tracks.iter().map(|t| t.position_noise).collect();
+        noises.sort_by(f64::total_cmp);
+        let position_noise = *noises.get(noises.len() / 2)?;
+        let period = tracks.first()?.period;
+        let squares = tracks.iter().flat_map(|t| &t.v).map(|v| v * v).sum::<f64>();
+        let nodes = tracks.iter().map(|t| t.v.len()).sum::<usize>();
+        let limit = VELOCITY_NOISE * (squares / nodes as f64).sqrt();
+        let most = (WIDEST_FILTER / period) as usize;
+        let quiet = |half: &usize| {
+            position_noise * gain(&Differentiator::new(*half), velocity_only) / period <= limit
+        };
+        let usable = || FILTERS.iter().copied().filter(|half| *half <= most);
+        let half = usable()
+            .find(quiet)
+            .or(usable().next_back())
+            .unwrap_or(FILTERS[0]);
+        Some(Self {
+            half_width: half as f64 * period,
+            position_noise,
+        })
+    }
+}
+
+/// Standard deviation of a filtered derivative per sampling interval, for positions with noise of unit variance. Noise of
+/// a measured velocity runs up in its integral.
+fn gain(filter: &Differentiator, velocity_only: bool) -> f64 {
+    if velocity_only {
+        filter.summed_noise_gain()
+    } else {
+        filter.noise_gain()
+    }
 }
 
 /// What it takes to move an axis, in units of `u`: known roughly before anything is fitted in earnest.
@@ -71,6 +121,16 @@ impl Track {
     /// Resamples and smooths a recording of an axis that moves by `motion`. Where something is known of its `balance`,
     /// the drive tells how long it rests.
     pub fn new(recording: &Recording, motion: Motion, balance: Option<Balance>) -> Self {
+        Self::smoothed(recording, motion, balance, None)
+    }
+
+    /// The same with a filter that is given rather than chosen.
+    pub fn smoothed(
+        recording: &Recording,
+        motion: Motion,
+        balance: Option<Balance>,
+        smoothing: Option<Smoothing>,
+    ) -> Self {
         let t = &recording.t;
         let position = match (&recording.q, &recording.v) {
             (Some(q), _) => q.clone(),
@@ -98,6 +158,8 @@ impl Track {
             u: recording.u.clone(),
         };
         let mut track = Self {
+            boundary: (TRAIN_SHARE * q.len() as f64) as usize,
+            whole: q.len(),
             start: t[0],
             period,
             position_noise: sample_noise,
@@ -113,7 +175,10 @@ impl Track {
         if velocity_only {
             track.position_noise *= period;
         }
-        let filter = track.differentiate(velocity_only);
+        let filter = match smoothing {
+            None => track.differentiate(velocity_only),
+            Some(smoothing) => track.differentiate_as(smoothing, velocity_only),
+        };
         let half = filter.half();
         let reversals = track.reversals(&filter, balance);
         track.doubt = reversals.iter().map(|r| r.doubt).sum::<f64>() / track.q.len() as f64;
@@ -127,6 +192,16 @@ impl Track {
         }
         track.bar_gaps(t);
         track
+    }
+
+    /// The track of a piece of a recording of `whole` samples, which is for training up to its node `boundary`.
+    #[must_use]
+    pub fn piece_of(self, whole: usize, boundary: usize) -> Self {
+        Self {
+            boundary,
+            whole,
+            ..self
+        }
     }
 
     /// Mean over every cell of the input that reaches the axis by a path.
@@ -184,18 +259,24 @@ impl Track {
                 .iter()
                 .map(|d| d / self.period)
                 .collect();
-            // Noise of a measured velocity runs up in its integral.
-            let gain = if velocity_only {
-                filter.summed_noise_gain()
-            } else {
-                filter.noise_gain()
-            };
+            let gain = gain(&filter, velocity_only);
             self.velocity_noise = self.position_noise * gain / self.period;
             let power = self.v.iter().map(|v| v * v).sum::<f64>() / self.v.len() as f64;
             if self.velocity_noise <= VELOCITY_NOISE * power.sqrt() || filters.peek().is_none() {
                 return filter;
             }
         }
+    }
+
+    /// Smooths with a given filter, and returns it.
+    fn differentiate_as(&mut self, smoothing: Smoothing, velocity_only: bool) -> Differentiator {
+        let half = (smoothing.half_width / self.period).round() as usize;
+        let filter = Differentiator::new(half.max(FILTERS[0]).min((self.q.len() - 1) / 2));
+        let slopes = filter.apply(&self.q);
+        self.v = slopes.iter().map(|d| d / self.period).collect();
+        self.position_noise = smoothing.position_noise;
+        self.velocity_noise = self.position_noise * gain(&filter, velocity_only) / self.period;
+        filter
     }
 
     fn fill_cells(&mut self, motion: Motion) {
