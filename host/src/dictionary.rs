@@ -4,6 +4,7 @@
 //! systematic, so its residual shows the noise; and the coordinate whose group helps most says where something
 //! that no effect of the catalogue explains lives.
 
+use crate::effects::Path;
 use crate::problem::{Column, Problem, Response};
 use crate::weak::Track;
 
@@ -49,7 +50,8 @@ impl Dictionary {
                 .collect()
         };
         let count = knots(tracks.iter().map(|t| t.cells.len()).sum());
-        let inputs = tracks.iter().flat_map(|t| t.input(0.0)).collect();
+        let path = Path::default();
+        let inputs = tracks.iter().flat_map(|t| t.input(&path)).collect();
         let grids = Grids {
             speed: quantiles(every(&|t, k| t.cells[k].v.abs()), count),
             position: quantiles(every(&|t, k| t.cells[k].q), count + 2),
@@ -143,11 +145,11 @@ fn signals(coordinate: &str, track: &Track, grids: &Grids) -> Vec<Vec<f64>> {
             table(&times(grids.times), &time, &|k| cells[k].v),
         ),
         "input" => {
-            let input = track.input(0.0);
+            let input = track.input(&Path::default());
             table(&grids.input, &|k| input[k], &one)
         }
         "input, as friction" => {
-            let input = track.input(0.0);
+            let input = track.input(&Path::default());
             let signed = (0..cells.len()).map(|k| sign(k) * input[k].abs());
             vec![signed.collect()]
         }

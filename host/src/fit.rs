@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use crate::axis::Axis;
+use crate::effects::Moment;
 use crate::error::Result;
 use crate::model::{Causality, Model};
 use crate::recording::Recording;
@@ -53,7 +54,7 @@ pub fn predict(
             .partition_point(|&t| t < recording.t[first] + horizon - 1e-9)
             .clamp(first + 1, to);
         let start = measured_state(recording, track, first);
-        states.extend(simulate::run(axis, recording, first, end - 1, start));
+        states.extend(simulate::run_axis(axis, recording, first, end - 1, start));
         first = end;
     }
     states
@@ -190,7 +191,7 @@ pub fn window(
     };
     let first = samples.start;
     let start = measured_state(recording, track, first);
-    let states = simulate::run(axis, recording, first, samples.end - 1, start);
+    let states = simulate::run_axis(axis, recording, first, samples.end - 1, start);
     let mut sums = Sums::default();
     for (state, x) in states.iter().zip(&measured[samples]) {
         let predicted = if positions {
@@ -223,9 +224,18 @@ pub fn of_force(modelled: f64, measured: f64) -> Sums {
     }
 }
 
+/// Rounds that settle a resistance of half the input to a thousandth of it.
+const ROUNDS: usize = 10;
+
 /// The input that the model asks for along the measured motion, at every sample.
 pub fn inverse(axis: &Axis, recording: &Recording, track: &Track) -> Vec<f64> {
     let last = track.v.len() - 1;
+    let truth = |k: usize| {
+        axis.truth(State {
+            q: track.q[k],
+            v: track.v[k],
+        })
+    };
     let bent = axis.contact.bristles().map(|law| (law, track.bend(law)));
     recording
         .t
@@ -233,22 +243,32 @@ pub fn inverse(axis: &Axis, recording: &Recording, track: &Track) -> Vec<f64> {
         .map(|t| {
             let k = (((t - track.start) / track.period).round().max(0.0) as usize).min(last);
             let (a, b) = (k.max(1) - 1, (k + 1).min(last));
-            let acceleration = (track.v[b] - track.v[a]) / ((b - a) as f64 * track.period);
-            let (q, v) = (track.q[k], track.v[k]);
-            let friction = if let Some((law, bent)) = &bent {
+            let acceleration = (truth(b).v - truth(a).v) / ((b - a) as f64 * track.period);
+            let state = truth(k);
+            let (s, bristles) = if let Some((law, bent)) = &bent {
                 let bent = bent[k.min(bent.len() - 1)];
                 let s = bent.direction;
-                axis.contact.resistance(q, v, s)
-                    + s * law.level(v)
-                    + law.damping() * bent.rate
-                    + law.viscosity() * v
+                let force =
+                    s * law.level(state.v) + law.damping() * bent.rate + law.viscosity() * state.v;
+                (s, force)
             } else {
                 // At rest friction balances whatever else acts, which no model of the motion says.
                 let rests = track.sliding[k.min(track.sliding.len() - 1)] == 0.0;
-                let s = if rests || v == 0.0 { 0.0 } else { v.signum() };
-                axis.contact.resistance(q, v, s)
+                let still = rests || state.v == 0.0;
+                (if still { 0.0 } else { state.v.signum() }, 0.0)
             };
-            (axis.inertia * acceleration + friction) / axis.gain
+            let needed = |u: f64| {
+                let moment = Moment {
+                    t: t - track.start,
+                    dt: track.period,
+                    u,
+                };
+                let friction = axis.contact.resistance(moment, state, s) + bristles;
+                (axis.inertia * acceleration + friction) / axis.gain
+            };
+            // Where the resistance depends on the input itself, less than one to one, iteration settles both.
+            let rounds = if axis.contact.driven() { ROUNDS } else { 1 };
+            (0..rounds).fold(0.0, |u, _| needed(u))
         })
         .collect()
 }

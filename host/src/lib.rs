@@ -2,7 +2,7 @@
 //!
 //! Data goes one way. A module uses only those before it in this order, which `tests/structure.rs` checks:
 //!
-//! format → motion → error → effects → model → recording → weak → problem → noise → linear → system → normal → uncertainty → refine → dictionary → axis → step → simulate → plant → excite → bench → fit → identify → stream → pem → curve → diagnose → report → cli
+//! format → motion → error → effects → model → recording → weak → problem → noise → linear → projection → system → scan → normal → uncertainty → refine → dictionary → axis → step → simulate → plant → excite → bench → fit → identify → stream → pem → curve → diagnose → report → cli
 
 pub mod axis;
 pub mod bench;
@@ -24,9 +24,11 @@ pub mod normal;
 pub mod pem;
 pub mod plant;
 pub mod problem;
+pub mod projection;
 pub mod recording;
 pub mod refine;
 pub mod report;
+pub mod scan;
 pub mod simulate;
 pub mod step;
 pub mod stream;

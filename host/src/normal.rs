@@ -4,12 +4,18 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::model::Model;
 
-/// Position of the inertia among [`Model::parameters`].
-const INERTIA: usize = 0;
+/// Norm of a column that is zero.
+const NO_SCALE: f64 = 1e-150;
+
+/// The inertia that moves, zero if it has no value.
+fn inertia(model: &Model) -> f64 {
+    let parameter = model.parameters()[model.moving_inertia()];
+    parameter.value.unwrap_or(0.0)
+}
 
 /// The sum of squares without what encoder noise in the acceleration regressor adds to it: `J²·E`.
 pub fn less_encoder(squares: f64, model: &Model, energy: f64) -> f64 {
-    squares - model.inertia.value.unwrap_or(0.0).powi(2) * energy
+    squares - inertia(model).powi(2) * energy
 }
 
 /// What whitened rows say about the free parameters of a model around its present values: sums over rows, so that those of
@@ -99,9 +105,9 @@ impl Normal {
         }
         let (mut normal, scale) = self.scaled();
         let mut gradient = self.gradient.clone();
-        if free[0] == INERTIA {
-            normal[(0, 0)] -= self.encoder_energy / (scale[0] * scale[0]);
-            gradient[0] -= self.encoder_energy * model.inertia.value.unwrap_or(0.0);
+        if let Some(at) = free.iter().position(|&k| k == model.moving_inertia()) {
+            normal[(at, at)] -= self.encoder_energy / (scale[at] * scale[at]);
+            gradient[at] -= self.encoder_energy * inertia(model);
         }
         let right = DVector::from_fn(gradient.len(), |i, _| -gradient[i] / scale[i]);
         let step = normal.cholesky()?.solve(&right);
@@ -133,7 +139,11 @@ impl Normal {
     /// Standard errors of the free parameters: the larger of the two that [`Normal::covariances`] gives.
     pub fn errors(&self) -> Option<Vec<f64>> {
         let (plain, sandwich, scale) = self.covariances()?;
-        let error = |j: usize| plain[(j, j)].max(sandwich[(j, j)]).max(0.0).sqrt() / scale[j];
+        // What the residual does not depend on at all is not known at all.
+        let error = |j: usize| match plain[(j, j)].max(sandwich[(j, j)]).max(0.0).sqrt() {
+            error if scale[j] > NO_SCALE => error / scale[j],
+            _ => f64::INFINITY,
+        };
         Some((0..scale.len()).map(error).collect())
     }
 
@@ -144,7 +154,7 @@ impl Normal {
 
     /// `JᵀJ` with unit diagonal, and the column norms that were divided out.
     fn scaled(&self) -> (DMatrix<f64>, Vec<f64>) {
-        let norm = |d: &f64| d.sqrt().max(1e-150);
+        let norm = |d: &f64| d.sqrt().max(NO_SCALE);
         let scale: Vec<f64> = self.products.diagonal().iter().map(norm).collect();
         let n = scale.len();
         let mut normal =

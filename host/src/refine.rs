@@ -135,7 +135,10 @@ const GAIN: usize = 1;
 
 /// No negative inertia, and coefficients that physics allows.
 fn is_physical(model: &Model) -> bool {
-    model.inertia.value.is_none_or(|j| j >= 0.0) && inadmissible(model).is_none()
+    model.parameters()[model.moving_inertia()]
+        .value
+        .is_none_or(|j| j >= 0.0)
+        && inadmissible(model).is_none()
 }
 
 /// Indices of the parameters that a fit may move.

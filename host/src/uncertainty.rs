@@ -50,7 +50,7 @@ pub fn assess(model: &mut Model, free: &[usize], normal: &Normal) {
         parameter.status = match partner {
             _ if bound => Status::AtBound,
             _ if distance >= KNOWN => Status::Identified,
-            _ if linear && se * scale[j] <= NOTHING * drive => Status::Identified,
+            _ if linear && se.is_finite() && se * scale[j] <= NOTHING * drive => Status::Identified,
             Some(partner) => Status::TradedOff(names[free[partner]].clone()),
             None if distance >= TOLD => Status::WeaklyExcited,
             None => Status::NotExcited,

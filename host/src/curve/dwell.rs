@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use crate::effects::Path;
 use crate::weak::Track;
 
 /// Length of the pieces that a recording is cut into, s: well above the settling of a current loop, well below the
@@ -33,7 +34,7 @@ pub struct Dwell {
 /// by 2 %. Pieces in a row with one speed are one dwell, whose first piece is left to the transient before it.
 pub fn dwells(track: &Track) -> Vec<Dwell> {
     let half = ((0.5 * PIECE / track.period).round() as usize).max(FEWEST);
-    let input = track.input(0.0);
+    let input = track.input(&Path::default());
     let count = input.len() / (2 * half);
     let pieces: Vec<Option<Dwell>> = (0..count)
         .map(|k| piece(track, &input, 2 * half * k, half))

@@ -26,6 +26,7 @@ use crate::normal::Normal;
 use crate::pem::{Chart, LeastSquares, Optimiser, minimise};
 use crate::plant::{DcMotor, geared_servo};
 use crate::recording::Recording;
+use crate::step::State;
 use crate::uncertainty;
 use crate::weak::Track;
 
@@ -131,7 +132,13 @@ pub fn fit(
         points: data
             .iter()
             .map(|p| Point {
-                fitted: contact.steady(0.0, p.velocity, p.velocity.signum()),
+                fitted: contact.steady(
+                    State {
+                        q: 0.0,
+                        v: p.velocity,
+                    },
+                    p.velocity.signum(),
+                ),
                 ..*p
             })
             .collect(),
@@ -258,9 +265,15 @@ fn linear(data: &[Point], model: &Model, velocity: f64) -> (f64, Model) {
     };
     let torque = |model: &Model| {
         let contact = Contact::law(model);
-        let all = data
-            .iter()
-            .map(|p| contact.steady(0.0, p.velocity, p.velocity.signum()));
+        let all = data.iter().map(|p| {
+            contact.steady(
+                State {
+                    q: 0.0,
+                    v: p.velocity,
+                },
+                p.velocity.signum(),
+            )
+        });
         DVector::from_iterator(data.len(), all)
     };
     // The curve is linear in these three; what of them is known is in the curve of zeros.
@@ -291,10 +304,15 @@ struct Fit<'a> {
 impl Fit<'_> {
     fn raw(&self, at: &DVector<f64>) -> DVector<f64> {
         let contact = Contact::law(&self.chart.model(at));
-        let errors = self
-            .data
-            .iter()
-            .map(|p| contact.steady(0.0, p.velocity, p.velocity.signum()) - p.torque);
+        let errors = self.data.iter().map(|p| {
+            contact.steady(
+                State {
+                    q: 0.0,
+                    v: p.velocity,
+                },
+                p.velocity.signum(),
+            ) - p.torque
+        });
         DVector::from_iterator(self.data.len(), errors)
     }
 

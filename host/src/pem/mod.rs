@@ -61,8 +61,9 @@ use predictor::Pass;
 use sequence::Sequence;
 use share::Share;
 
+use crate::effects::Seat;
 use crate::error::{Error, Result};
-use crate::model::{Causality, Model};
+use crate::model::{Causality, Model, Term};
 use crate::normal::Normal;
 use crate::recording::Recording;
 use crate::uncertainty;
@@ -131,6 +132,12 @@ pub fn estimate(
 ) -> Result<(Model, Outcome)> {
     if start.causality == Causality::Inverse {
         return Err(Error::Usage("this recording is one of an imposed motion (plant.causality = \"inverse\"), which leaves nothing to predict; use --method dbi".to_owned()));
+    }
+    if let Some(term) = start.terms.iter().find(|t| unpredicted(t)) {
+        return Err(Error::Usage(format!(
+            "[effects.{}] adds a hidden load or an error of the sensor, which the predictor does not follow; use --method dbi",
+            term.effect.id()
+        )));
     }
     let horizon = options.horizon.unwrap_or(f64::INFINITY);
     let pairs = recordings.iter().zip(tracks);
@@ -241,6 +248,11 @@ fn errors(
     normal.drive_squares = drive * drive;
     uncertainty::assess(model, &free, &normal);
     Ok(())
+}
+
+/// Whether a term lies beyond the state that the predictor corrects.
+fn unpredicted(term: &Term) -> bool {
+    matches!(term.effect.seat(), Seat::Sensor | Seat::Load)
 }
 
 /// Norm of what the drive contributes to the innovations, which are linear in its gain.

@@ -125,11 +125,11 @@ impl Interval<'_> {
 pub fn pass(sequence: &Sequence, family: &Family, weighing: Weighing) -> Pass {
     let axis = &family.axis;
     let mut pass = Pass::default();
-    let t = &sequence.recording.t;
+    let (t, u) = (&sequence.recording.t, &sequence.recording.u);
     let mut x = Vector3::zeros();
     let mut spread = Matrix3::zeros();
     let mut slopes = vec![Vector3::zeros(); family.moved.len()];
-    let mut hold = Hold::at(t, 0, axis.delay);
+    let mut hold = Hold::at(t, u, 0, &axis.path);
     for k in 0..sequence.readings.len() {
         if sequence.restarts[k] {
             let (state, covariance) = sequence.begin(k, axis);
@@ -138,7 +138,7 @@ pub fn pass(sequence: &Sequence, family: &Family, weighing: Weighing) -> Pass {
             for (slope, (moved, h)) in slopes.iter_mut().zip(&family.moved) {
                 *slope = (Sequence::at_ease(moved, state) - x) / *h;
             }
-            hold = Hold::at(t, k, axis.delay);
+            hold = Hold::at(t, u, k, &axis.path);
             continue;
         }
         let from = Interval {
@@ -159,10 +159,10 @@ pub fn pass(sequence: &Sequence, family: &Family, weighing: Weighing) -> Pass {
             let mut own = Interval {
                 sequence,
                 k: k - 1,
-                hold: if moved.delay == axis.delay {
+                hold: if moved.path == axis.path {
                     from.hold
                 } else {
-                    Hold::at(t, k - 1, moved.delay)
+                    Hold::at(t, u, k - 1, &moved.path)
                 },
             };
             *slope = transition * *slope + (own.step(moved, &x, 0.0) - next) / *h;

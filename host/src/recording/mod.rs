@@ -90,5 +90,5 @@ pub fn may_exceed(paths: &[PathBuf], samples: usize) -> bool {
     const SHORTEST_ROW: u64 = 6;
     let size = |path: &PathBuf| std::fs::metadata(path).map_or(0, |file| file.len());
     let text = paths.iter().filter(|path| is_text(path));
-    text.map(size).sum::<u64>() > SHORTEST_ROW * samples as u64
+    text.map(size).sum::<u64>() > SHORTEST_ROW.saturating_mul(samples as u64)
 }

@@ -15,7 +15,7 @@ mod pass;
 mod pilot;
 mod work;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::fit::{Fit, Sums};
 use crate::identify::{Identified, Options, Workbench};
 use crate::model::{Model, Parameter};
@@ -68,6 +68,12 @@ pub fn identify(
     options: Options,
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<Streamed> {
+    if let Some(term) = model.terms.iter().find(|t| t.effect.timed()) {
+        return Err(Error::Usage(format!(
+            "[effects.{}] depends on the time since the recording began, which a recording read in pieces does not keep; cut the recording, or leave the effect out",
+            term.effect.id()
+        )));
+    }
     progress(Progress::Pilot);
     let Pilot {
         stretches,
