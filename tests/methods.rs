@@ -53,7 +53,7 @@ fn record(truth: &str, u: Vec<f64>, noise: f64, seed: u64) -> Recording {
     let t: Vec<f64> = (0..u.len()).map(|k| k as f64 * 1e-3).collect();
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut plant = plant::new(&Model::parse(truth).unwrap()).unwrap();
-    plant.start(&t, 0, State::default());
+    plant.start(&t, &u, 0, State::default());
     let count = TAU / 4096.0;
     let mut q = vec![0.0];
     for k in 1..t.len() {

@@ -62,7 +62,13 @@ fn main() -> Result<(), Box<dyn Error>> {
         writeln!(out, "{t:.3},{u:.6},{q:.6}")?;
         // Uniform on ±√3 has unit variance.
         let load = LOAD * 3f64.sqrt() * rng.random_range(-1.0..=1.0);
-        state = advance(&axis, Drive { u, load }, state, PERIOD);
+        let drive = Drive {
+            t,
+            dt: PERIOD,
+            u,
+            load,
+        };
+        state = advance(&axis, drive, state, PERIOD);
     }
     out.flush()?;
     Ok(())
