@@ -46,12 +46,17 @@ pub fn diagnose(
     let reached = (base_error - remaining)
         / (base_error - remaining * (1.0 - leftover.gain)).max(f64::MIN_POSITIVE);
     let significant = leftover.certain;
-    let (selected, after) = if significant && reached < SHARE_OF_GENERIC && !selected.is_empty() {
+    let (selected, mut after) = if significant && reached < SHARE_OF_GENERIC && !selected.is_empty()
+    {
         leftover = select::leftover(bench, before)?;
         (Vec::new(), before.clone())
     } else {
         (selected, after)
     };
+    if !selected.is_empty() {
+        progress("how certain it is");
+        bench.settle(&mut after, recordings);
+    }
     let hopeless =
         selected.is_empty() && baseline.fit.train.nrmse.min(baseline.fit.held_out.nrmse) > HOPELESS;
     let verdict = if significant || hopeless {
