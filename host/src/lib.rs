@@ -2,10 +2,11 @@
 //!
 //! Data goes one way. A module uses only those before it in this order, which `tests/structure.rs` checks:
 //!
-//! format → motion → error → effects → model → recording → weak → problem → noise → linear → system → uncertainty → refine → dictionary → axis → step → simulate → plant → excite → bench → fit → identify → diagnose → report → cli
+//! format → motion → error → effects → model → recording → weak → problem → noise → linear → system → uncertainty → refine → dictionary → axis → step → simulate → plant → excite → bench → fit → identify → check → diagnose → report → cli
 
 pub mod axis;
 pub mod bench;
+pub mod check;
 pub mod cli;
 pub mod diagnose;
 pub mod dictionary;

@@ -99,6 +99,7 @@ mod tests {
             u: t.iter().map(|&t| u(t)).collect(),
             q: None,
             v: None,
+            input_unit: None,
             t,
         }
     }

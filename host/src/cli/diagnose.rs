@@ -86,6 +86,7 @@ impl Command {
         })?;
         let written = outputs.write()?;
         progress.finish_and_clear();
+        terminal::warnings(&outcome.diagnosis.warnings);
         terminal::diagnosis(&outcome.diagnosis, outcome.after.causality);
         terminal::written(&written);
         Ok(outcome.diagnosis.verdict)

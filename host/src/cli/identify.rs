@@ -9,6 +9,7 @@ use super::diagnose::{json, named, read_all};
 use super::output::{self, Outputs};
 use super::windows::Windows;
 use super::{DONE, Outcome, terminal};
+use crate::check::{self, Warning};
 use crate::diagnose::{Estimates, estimates};
 use crate::fit::Fit;
 use crate::identify::{Tried, identify};
@@ -47,6 +48,7 @@ pub(super) struct Command {
 #[derive(Serialize)]
 struct Identification {
     schema: &'static str,
+    warnings: Vec<Warning>,
     parameters: Estimates,
     fit: Fit,
     half_width: Vec<f64>,
@@ -83,6 +85,7 @@ impl Command {
         let problem = &bench.problem;
         let identification = Identification {
             schema: "bristle.identification/1",
+            warnings: check::warnings(&bench, &identified.model, &recordings),
             parameters: estimates(&identified.model, None),
             fit: identified.fit,
             half_width: problem
@@ -101,10 +104,11 @@ impl Command {
         outputs.add(self.model_out.as_ref(), || Ok(identified.model.to_toml()))?;
         outputs.add(self.json.as_ref(), || json(&identification))?;
         outputs.add(self.report.as_ref(), || {
-            report::identification(&identified, &bench, &recordings)
+            report::identification(&identified, &identification.warnings, &bench, &recordings)
         })?;
         let written = outputs.write()?;
         progress.finish_and_clear();
+        terminal::warnings(&identification.warnings);
         terminal::identification(
             &identification.parameters,
             &identification.fit,

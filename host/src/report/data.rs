@@ -8,6 +8,7 @@ use super::runs;
 use super::spread::{FEWEST, Spreads};
 use super::subject::{Judged, Prediction, Subject};
 use super::tables::{errors, nrmse, parameters, rms};
+use crate::check::Warning;
 use crate::diagnose::{Diagnosis, Outcome, Verdict};
 use crate::error::Result;
 use crate::fit::HORIZON;
@@ -55,6 +56,7 @@ pub(super) fn diagnosis(
             text: diagnosis.text.clone(),
             points: points(diagnosis),
         }),
+        warnings: texts(&diagnosis.warnings),
         figures: figures(&subject, &spreads),
         figures_note: figures_note(&subject, &predictions),
         sections: vec![
@@ -73,6 +75,7 @@ pub(super) fn diagnosis(
 /// The page of an identification.
 pub(super) fn identification(
     identified: &Identified,
+    warnings: &[Warning],
     bench: &Workbench,
     recordings: &[Recording],
 ) -> Result<Page> {
@@ -92,6 +95,7 @@ pub(super) fn identification(
         title: format!("Identification of {}", named(&identified.model)),
         facts: facts(&subject),
         verdict: None,
+        warnings: texts(warnings),
         figures: figures(&subject, &spreads),
         figures_note: figures_note(&subject, &predictions),
         sections: vec![
@@ -124,6 +128,10 @@ fn points(diagnosis: &Diagnosis) -> Vec<String> {
         .map(|f| format!("{}: {}", f.name, f.text))
         .chain(caution)
         .collect()
+}
+
+fn texts(warnings: &[Warning]) -> Vec<String> {
+    warnings.iter().map(|w| w.text.clone()).collect()
 }
 
 fn predictions(subject: &Subject) -> Result<Vec<Prediction>> {

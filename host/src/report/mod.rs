@@ -18,6 +18,7 @@ mod thin;
 #[cfg(test)]
 mod tests;
 
+use crate::check::Warning;
 use crate::diagnose::Outcome;
 use crate::error::{Error, Result};
 use crate::identify::{Identified, Workbench};
@@ -32,10 +33,13 @@ pub fn diagnosis(outcome: &Outcome, bench: &Workbench, recordings: &[Recording])
 /// The HTML text of an identification. Fails only if a model has no values, or on a defect.
 pub fn identification(
     identified: &Identified,
+    warnings: &[Warning],
     bench: &Workbench,
     recordings: &[Recording],
 ) -> Result<String> {
-    render(&data::identification(identified, bench, recordings)?)
+    render(&data::identification(
+        identified, warnings, bench, recordings,
+    )?)
 }
 
 fn render(page: &Page) -> Result<String> {
