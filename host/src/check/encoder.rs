@@ -95,7 +95,7 @@ fn repeated(recording: &Recording, q: &[f64], track: &Track) -> Option<Warning> 
         let v = velocity(track, t[k]).abs();
         v > slow && v * (t[k] - t[k - 1]) > least
     });
-    let (repeats, all) = moving.fold((0, 0), |(repeats, all), k| {
+    let (repeats, all) = moving.fold((0_usize, 0_usize), |(repeats, all), k| {
         (repeats + usize::from(q[k] == q[k - 1]), all + 1)
     });
     let share = repeats as f64 / all.max(1) as f64;
