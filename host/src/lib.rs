@@ -2,7 +2,7 @@
 //!
 //! Data goes one way. A module uses only those before it in this order, which `tests/structure.rs` checks:
 //!
-//! format → motion → error → effects → model → recording → weak → problem → noise → linear → system → uncertainty → refine → dictionary → axis → step → simulate → plant → excite → bench → fit → identify → check → diagnose → report → cli
+//! format → motion → error → effects → model → recording → weak → problem → noise → linear → system → uncertainty → refine → dictionary → axis → step → simulate → plant → excite → bench → fit → identify → check → diagnose → experiment → report → cli
 
 pub mod axis;
 pub mod bench;
@@ -13,6 +13,7 @@ pub mod dictionary;
 pub mod effects;
 pub mod error;
 pub mod excite;
+pub mod experiment;
 pub mod fit;
 pub mod format;
 pub mod identify;

@@ -3,14 +3,16 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use serde::Serialize;
 
 use super::output::{self, Outputs};
 use super::windows::Windows;
 use super::{DONE, Outcome, terminal};
-use crate::diagnose::{Verdict, diagnose};
+use crate::diagnose::{Diagnosis, Verdict, diagnose};
 use crate::error::Error;
+use crate::experiment::{self, NextExperiment};
 use crate::identify::identify;
-use crate::model::Model;
+use crate::model::{Causality, Model};
 use crate::recording::Recording;
 use crate::report;
 
@@ -41,11 +43,22 @@ pub(super) struct Command {
     /// Write a self-contained HTML report with plots
     #[arg(long, value_name = "OUT.html")]
     report: Option<PathBuf>,
+    /// Write the excitation that would decide most: t, u to apply, and the position to expect
+    #[arg(long, value_name = "OUT.csv")]
+    next_experiment: Option<PathBuf>,
     #[command(flatten)]
     windows: Windows,
     /// Exit with status 3 when the model leaves something out, for use in a pipeline
     #[arg(long)]
     check: bool,
+}
+
+/// What goes into the JSON.
+#[derive(Serialize)]
+struct Document<'a> {
+    #[serde(flatten)]
+    diagnosis: &'a Diagnosis,
+    next_experiment: Option<&'a NextExperiment>,
 }
 
 impl Command {
@@ -64,11 +77,18 @@ impl Command {
                 self.model_out.as_ref(),
                 self.json.as_ref(),
                 self.report.as_ref(),
+                self.next_experiment.as_ref(),
             ],
         )?;
         let progress = terminal::progress();
         progress.set_message("reading");
         let model = Model::read_to_fit(&self.model)?;
+        if self.next_experiment.is_some() && model.causality == Causality::Inverse {
+            return Err(Error::Usage(format!(
+                "--next-experiment does not apply to {}: its causality is \"inverse\", so another machine imposes the motion and there is no u to choose",
+                self.model.display()
+            )));
+        }
         let recordings = read_all(&self.recordings, &model)?;
         progress.set_message("fitting the baseline");
         let (bench, baseline) = identify(&recordings, &model, self.windows.options()?)
@@ -77,17 +97,33 @@ impl Command {
             progress.set_message(what.to_owned());
         })
         .map_err(|e| named(e, &self.recordings, &self.model))?;
+        progress.set_message("planning the next experiment");
+        let next = experiment::next(&outcome, &bench, &recordings)?;
         progress.set_message("writing");
         let mut outputs = Outputs::default();
         outputs.add(self.model_out.as_ref(), || Ok(outcome.after.to_toml()))?;
-        outputs.add(self.json.as_ref(), || json(&outcome.diagnosis))?;
+        outputs.add(self.json.as_ref(), || {
+            json(&Document {
+                diagnosis: &outcome.diagnosis,
+                next_experiment: next.as_ref(),
+            })
+        })?;
         outputs.add(self.report.as_ref(), || {
-            report::diagnosis(&outcome, &bench, &recordings)
+            report::diagnosis(&outcome, next.as_ref(), &bench, &recordings)
+        })?;
+        outputs.add(self.next_experiment.as_ref(), || match &next {
+            Some(next) => Ok(next.csv.clone()),
+            None => Err(Error::NotIdentifiable(
+                "no excitation within the levels of u, speed and travel recorded so far would tell anything new; leave --next-experiment out, or record at higher levels".to_owned(),
+            )),
         })?;
         let written = outputs.write()?;
         progress.finish_and_clear();
         terminal::warnings(&outcome.diagnosis.warnings);
         terminal::diagnosis(&outcome.diagnosis, outcome.after.causality);
+        if let Some(next) = &next {
+            anstream::println!("\n{}", next.text);
+        }
         terminal::written(&written);
         Ok(outcome.diagnosis.verdict)
     }
@@ -100,6 +136,7 @@ impl Command {
             model_out: Some(folder.join("diagnosed.toml")),
             json: Some(folder.join("diagnosis.json")),
             report: Some(folder.join("report.html")),
+            next_experiment: None,
             windows: Windows::default(),
             check: false,
         }

@@ -11,6 +11,7 @@ use super::tables::{errors, nrmse, parameters, rms};
 use crate::check::Warning;
 use crate::diagnose::{Diagnosis, Outcome, Verdict};
 use crate::error::Result;
+use crate::experiment::NextExperiment;
 use crate::fit::HORIZON;
 use crate::format::{percent, quantity, scaled_unit, shortest, significant, value, with_unit};
 use crate::identify::{Identified, Workbench};
@@ -22,6 +23,7 @@ use crate::weak::{Part, TRAIN_SHARE};
 /// The page of a diagnosis.
 pub(super) fn diagnosis(
     outcome: &Outcome,
+    next: Option<&NextExperiment>,
     bench: &Workbench,
     recordings: &[Recording],
 ) -> Result<Page> {
@@ -64,7 +66,7 @@ pub(super) fn diagnosis(
             rows::section(&subject, &rows, place),
             friction::section(&subject, &rows)?,
             findings::section(diagnosis, &spreads.held_out),
-            findings::next_experiment(&subject, diagnosis),
+            findings::next_experiment(&subject, diagnosis, next),
             parameters(&subject),
             errors(&subject, &spreads),
             method(&subject),

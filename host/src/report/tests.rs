@@ -88,6 +88,7 @@ fn hostile_texts_stay_texts() {
         title: name.to_owned(),
         facts: vec![[name.to_owned(), name.to_owned()]],
         verdict: None,
+        warnings: Vec::new(),
         figures: Vec::new(),
         figures_note: name.to_owned(),
         sections: Vec::new(),
@@ -160,7 +161,7 @@ fn a_diagnosis_is_self_contained_and_complete() {
     let model = model("coulomb = 0.15\nviscous = 0.0\n");
     let (bench, baseline) = identify(&recordings, &model, Options::default()).unwrap();
     let outcome = diagnose(&bench, &baseline, &recordings, &|_| {}).unwrap();
-    let page = diagnosis(&outcome, &bench, &recordings).unwrap();
+    let page = diagnosis(&outcome, None, &bench, &recordings).unwrap();
     assert_self_contained(&page);
     assert!(page.contains("<title>Diagnosis of A &amp; B&lt;/script&gt;</title>"));
     let data = data(&page);
