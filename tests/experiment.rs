@@ -125,7 +125,11 @@ fn the_proposed_experiment_decides() {
         let [one, two, _] = diagnosed(truth, 1);
         let in_doubt = |name: &str| one.0 == name || one.1.iter().any(|r| r == name);
         assert!(in_doubt(right) && in_doubt(wrong), "{one:?}");
-        assert_eq!(two, (right.to_owned(), Vec::new()));
+        // An offset may still be a load step of the first instant, which no drive tells apart.
+        assert!(
+            two.0 == right && !two.1.iter().any(|r| r == wrong),
+            "{two:?}"
+        );
     }
 }
 
@@ -133,14 +137,15 @@ fn the_proposed_experiment_decides() {
 #[test]
 #[ignore = "a measurement, not a check"]
 fn how_often_it_decides() {
-    for (truth, right) in [
-        (VISCOUS, "viscous-asymmetry"),
-        (OFFSET, "direction-asymmetry"),
+    for (truth, right, wrong) in [
+        (VISCOUS, "viscous-asymmetry", "direction-asymmetry"),
+        (OFFSET, "direction-asymmetry", "viscous-asymmetry"),
     ] {
         let mut decided = [0; 3];
         for seed in 1..=12 {
             for (count, found) in decided.iter_mut().zip(diagnosed(truth, seed)) {
-                *count += usize::from(found == (right.to_owned(), Vec::new()));
+                let decided = found.0 == right && !found.1.iter().any(|r| r == wrong);
+                *count += usize::from(decided);
             }
         }
         println!(

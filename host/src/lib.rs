@@ -2,12 +2,13 @@
 //!
 //! Data goes one way. A module uses only those before it in this order, which `tests/structure.rs` checks:
 //!
-//! format → motion → error → effects → model → recording → weak → problem → noise → linear → system → uncertainty → refine → dictionary → axis → step → simulate → plant → excite → bench → fit → identify → check → diagnose → experiment → report → cli
+//! format → motion → error → effects → model → recording → weak → problem → noise → linear → projection → system → scan → normal → uncertainty → refine → dictionary → axis → step → simulate → plant → excite → bench → fit → identify → stream → pem → curve → check → diagnose → experiment → report → cli
 
 pub mod axis;
 pub mod bench;
 pub mod check;
 pub mod cli;
+pub mod curve;
 pub mod diagnose;
 pub mod dictionary;
 pub mod effects;
@@ -21,13 +22,18 @@ pub mod linear;
 pub mod model;
 pub mod motion;
 pub mod noise;
+pub mod normal;
+pub mod pem;
 pub mod plant;
 pub mod problem;
+pub mod projection;
 pub mod recording;
 pub mod refine;
 pub mod report;
+pub mod scan;
 pub mod simulate;
 pub mod step;
+pub mod stream;
 pub mod system;
 pub mod uncertainty;
 pub mod weak;

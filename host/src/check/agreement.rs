@@ -32,7 +32,7 @@ pub(super) fn check(bench: &Workbench, fitted: &Model, recordings: &[Recording])
     }
     let mut warnings = Vec::new();
     let rows = Rows::new(bench, recordings);
-    let delay = system::delay(fitted);
+    let delay = system::path(fitted).delay;
     if let Some(plain) = rows.inertia(delay) {
         warnings.extend(sign(plain, fitted));
         warnings.extend(given(plain, fitted));

@@ -64,6 +64,15 @@ pub fn warnings(bench: &Workbench, fitted: &Model, recordings: &[Recording]) -> 
         }
         all.extend(own);
     }
+    // Stretches of one long recording may all say the same.
+    let mut seen: Vec<(&str, String)> = Vec::new();
+    all.retain(|warning: &Warning| {
+        let file = warning.text.split(": ").next().unwrap_or_default();
+        let key = (warning.id, file.to_owned());
+        let new = !seen.contains(&key);
+        seen.push(key);
+        new
+    });
     all.extend(agreement::check(bench, fitted, recordings));
     all.extend(excitation::check(bench, fitted, recordings));
     all.sort_by_key(|warning| warning.severity);
