@@ -14,6 +14,7 @@ pub use outcome::{
     Unexplained, Verdict,
 };
 
+use crate::check;
 use crate::error::Result;
 use crate::identify::{Identified, Workbench};
 use crate::model::Model;
@@ -79,6 +80,7 @@ pub fn diagnose(
     let diagnosis = Diagnosis {
         schema: "bristle.diagnosis/1",
         verdict,
+        warnings: check::warnings(bench, before, recordings),
         text: verdict_sentence(verdict, &findings, unexplained.as_ref()),
         baseline: Baseline {
             parameters: estimates(before, None),

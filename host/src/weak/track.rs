@@ -627,6 +627,7 @@ mod tests {
             u: t.iter().map(|t| t.sin()).collect(),
             q: Some(t.iter().map(|&t| q(t)).collect()),
             v: None,
+            input_unit: None,
             t,
         };
         let track = Track::new(&recording, Motion::Rotary, None);
