@@ -648,3 +648,32 @@ fn demo_leaves_a_report_and_names_it() {
         folder.read("else/where/recording.csv")
     );
 }
+
+#[test]
+fn a_motor_under_voltage_is_fitted_with_its_armature() {
+    let folder = Folder::with(PLAIN, SECONDS);
+    let motor = "[plant]\nkind = \"dc-motor\"\nmotion = \"rotary\"\ninertia = 2e-4\nresistance = 2.6\ninductance = 1.8e-4\ntorque_constant = 0.05\n[friction]\ncoulomb = 0.01\nviscous = 2e-4\n";
+    folder.write("motor.toml", motor.to_owned());
+    folder.done("simulate --model motor.toml --excite multisine --amplitude 8 --band 0.1:3 --duration 12 --counts 4096 --noise 2e-4 --out motor.csv");
+    let asked = motor
+        .replace("inertia = 2e-4", "inertia = \"?\"")
+        .replace("viscous = 2e-4", "viscous = \"?\"")
+        .replace("coulomb = 0.01", "coulomb = \"?\"");
+    folder.write("asked.toml", asked.clone());
+    folder.done("identify motor.csv --model asked.toml --json out.json --model-out found.toml");
+    let parameters = &folder.json("out.json")["parameters"];
+    // Seen from the voltage, back-EMF brakes by kt·ke/R = 9.6e-4 N·m·s/rad, five times the friction: that is not in it.
+    for (name, truth) in [("inertia", 2e-4), ("coulomb", 0.01), ("viscous", 2e-4)] {
+        let value = number(&parameters[name], "value");
+        assert!((value / truth - 1.0).abs() < 0.05, "{name}: {value}");
+    }
+    folder.done("simulate --model found.toml --input motor.csv --out again.csv --horizon 1");
+    folder.write("asked.toml", asked.replace("resistance = 2.6\n", ""));
+    refused(
+        &folder,
+        &[(
+            "identify motor.csv --model asked.toml --json out.json",
+            "plant.resistance has no value",
+        )],
+    );
+}

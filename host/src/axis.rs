@@ -33,6 +33,8 @@ pub struct Axis {
     pub inertia: f64,
     /// `k`.
     pub gain: f64,
+    /// What velocity takes off `u`, per rad/s or m/s.
+    pub back_emf: f64,
     /// The way of the input to the axis.
     pub path: Path,
     /// `F`.
@@ -229,6 +231,7 @@ impl Axis {
         Ok(Self {
             inertia: moving.value.unwrap_or_default(),
             gain: model.gain.value.unwrap_or_default(),
+            back_emf: model.back_emf(),
             path: system::path(model),
             contact: Contact::new(model),
             coupling: coupling(model, moving.value.unwrap_or_default())?,

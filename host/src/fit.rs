@@ -264,7 +264,7 @@ pub fn inverse(axis: &Axis, recording: &Recording, track: &Track) -> Vec<f64> {
                     u,
                 };
                 let friction = axis.contact.resistance(moment, state, s) + bristles;
-                (axis.inertia * acceleration + friction) / axis.gain
+                (axis.inertia * acceleration + friction) / axis.gain + axis.back_emf * state.v
             };
             // Where the resistance depends on the input itself, less than one to one, iteration settles both.
             let rounds = if axis.contact.driven() { ROUNDS } else { 1 };

@@ -6,6 +6,8 @@
 //! - force, `k·Fu[u] = J·F2[q] + Σ c·B`: a disturbance torque is independent of an imposed motion. Here encoder noise in
 //!   the regressor `F2[q]` would bias `J`; its known energy is subtracted from the normal equations.
 
+use std::rc::Rc;
+
 use nalgebra::DVector;
 
 use crate::effects::{Effect, Path, Seat};
@@ -107,7 +109,7 @@ impl System {
         let mut sides = Sides {
             inertia: known_value(model.parameters()[model.moving_inertia()]),
             gain: known_value(&model.gain),
-            input: problem.input(&path(model)),
+            input: effective_input(problem, model, &path(model)),
             acceleration: problem.acceleration.to_vec(),
             known: vec![0.0; problem.rows.len()],
             unknown: Vec::new(),
@@ -374,12 +376,25 @@ fn check_scale(model: &Model) -> Result<()> {
     Ok(())
 }
 
+/// The input less what velocity takes off it.
+fn effective_input(problem: &Problem, model: &Model, path: &Path) -> Column {
+    let input = problem.input(path);
+    let back_emf = model.back_emf();
+    if back_emf == 0.0 {
+        return input;
+    }
+    let mut effective = input.to_vec();
+    add(&mut effective, -back_emf, &problem.velocity());
+    Rc::new(effective)
+}
+
 /// The weak-form residual of a model whose parameters all have values, on the side of the problem's response.
 pub fn residual(problem: &Problem, model: &Model) -> Vec<f64> {
     let value = |p: &Parameter| p.value.unwrap_or(0.0);
     let (direction, path) = (problem.direction(model), path(model));
     let mut acceleration = problem.acceleration.to_vec();
-    let mut torque = scaled(&problem.input(&path), value(&model.gain));
+    let input = effective_input(problem, model, &path);
+    let mut torque = scaled(&input, value(&model.gain));
     add(
         &mut torque,
         -value(&model.coulomb),

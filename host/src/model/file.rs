@@ -16,15 +16,49 @@ impl Model {
         read(path, Self::parse)
     }
 
-    /// Reads a model file and refuses what can be simulated only.
+    /// Reads a model file, a DC motor as the axis that it is to fits, and refuses what can be simulated only.
     pub fn read_to_fit(path: &Path) -> Result<Self> {
         read(path, |text| {
-            let model = Self::parse(text)?;
+            let model = Self::parse(text)?.as_axis()?;
             match model.unfittable() {
                 None => Ok(model),
                 Some((key, what)) => Err(at(key, what).message(text)),
             }
         })
+    }
+
+    /// A DC motor as an axis under voltage: `k = a·kt/R` with `a` the amplifier's gain, and `ke/a` as its back-EMF. The
+    /// armature's time constant `L/R` is left out: with a millisecond or two it lies beyond the windows, and where it
+    /// does not, the actuator lag is found as what was left out. Other models as they are.
+    fn as_axis(self) -> std::result::Result<Self, String> {
+        if self.kind != Kind::DcMotor {
+            return Ok(self);
+        }
+        let given = ["resistance", "torque_constant", "back_emf"].map(|name| {
+            let value = self.constant(&format!("plant.{name}"));
+            (name, Some(value).filter(|v| v.is_finite()))
+        });
+        let amplifier = ("gain", self.gain.value.filter(|_| self.gain.known));
+        if let Some((name, _)) = given.iter().chain([&amplifier]).find(|(_, v)| v.is_none()) {
+            return Err(format!(
+                "plant.{name} has no value: a dc-motor is fitted as an axis with the gain gain·torque_constant/resistance; write numbers for gain, resistance, torque_constant and back_emf, or fit an axis with an unknown gain or inertia"
+            ));
+        }
+        let [resistance, torque_constant, back_emf] = given.map(|(_, v)| v.unwrap_or_default());
+        let amplifier = amplifier.1.unwrap_or_default();
+        let mut document = self.document;
+        let plant = table(&mut document, "plant");
+        for name in ["kind", "resistance", "inductance", "torque_constant"] {
+            plant.remove(name);
+        }
+        put(plant, "input", value("voltage"));
+        put(
+            plant,
+            "gain",
+            value(amplifier * torque_constant / resistance),
+        );
+        put(plant, "back_emf", value(back_emf / amplifier));
+        Self::parse(&document.to_string())
     }
 
     /// Parses the text of a model file; the message says what is wrong and under which key.

@@ -106,7 +106,7 @@ impl Kind {
             default: Default::SameAs("torque_constant"),
         };
         match self {
-            Self::Axis => &[],
+            Self::Axis => const { &[number("back_emf", 0.0)] },
             Self::MassSpring => const { &[unknown("stiffness")] },
             Self::DcMotor => {
                 const {
@@ -182,6 +182,15 @@ impl Model {
         found.and_then(|c| c.parameter.value).unwrap_or(f64::NAN)
     }
 
+    /// What velocity takes off the input of an axis, in the unit of `u` per rad/s or m/s: the back-EMF of a motor under
+    /// voltage.
+    pub fn back_emf(&self) -> f64 {
+        match self.kind {
+            Kind::Axis => self.constant("plant.back_emf"),
+            _ => 0.0,
+        }
+    }
+
     /// What of this model can be simulated but not fitted, if anything, a plant beyond an axis: its
     /// key and a message.
     pub fn unfittable(&self) -> Option<(&'static str, String)> {
@@ -189,7 +198,7 @@ impl Model {
             return None;
         }
         let what = format!(
-            "plant.kind = {:?} can be simulated but not fitted; fit an axis to its recording, without kind and the constants that belong to it",
+            "plant.kind = {:?} can be simulated but not fitted; fit an axis (or a dc-motor) to its recording, without kind and the constants that belong to it",
             self.kind.as_str()
         );
         Some(("plant.kind", what))

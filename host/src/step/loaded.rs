@@ -45,7 +45,8 @@ impl<A: AsRef<Axis>> Mechanism<4> for Loaded<A> {
         State { q: x[0], v: x[1] }
     }
     fn balance(&self, drive: Drive, x: &[f64; 4]) -> f64 {
-        self.axis().gain * drive.u + drive.load - self.coupling.torque(x[2], x[3])
+        let axis = self.axis();
+        axis.gain * (drive.u - axis.back_emf * x[1]) + drive.load - self.coupling.torque(x[2], x[3])
     }
     fn rate(&self, drive: Drive, x: &[f64; 4], friction: f64) -> [f64; 4] {
         let acceleration = (self.balance(drive, x) - friction) / self.inertia();

@@ -131,8 +131,8 @@ impl Mechanism<2> for Axis {
     fn sliding(&self, x: &[f64; 2]) -> State {
         State { q: x[0], v: x[1] }
     }
-    fn balance(&self, drive: Drive, _x: &[f64; 2]) -> f64 {
-        self.gain * drive.u + drive.load
+    fn balance(&self, drive: Drive, x: &[f64; 2]) -> f64 {
+        self.gain * (drive.u - self.back_emf * x[1]) + drive.load
     }
     fn rate(&self, drive: Drive, x: &[f64; 2], friction: f64) -> [f64; 2] {
         [x[1], (self.balance(drive, x) - friction) / self.inertia]
