@@ -2,11 +2,12 @@
 //!
 //! Data goes one way. A module uses only those before it in this order, which `tests/structure.rs` checks:
 //!
-//! format → motion → error → effects → model → recording → weak → problem → noise → linear → system → uncertainty → refine → dictionary → axis → step → simulate → plant → excite → bench → fit → identify → diagnose → report → cli
+//! format → motion → error → effects → model → recording → weak → problem → noise → linear → system → uncertainty → refine → dictionary → axis → step → simulate → plant → excite → bench → fit → identify → diagnose → dbi → report → cli
 
 pub mod axis;
 pub mod bench;
 pub mod cli;
+pub mod dbi;
 pub mod diagnose;
 pub mod dictionary;
 pub mod effects;

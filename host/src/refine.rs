@@ -14,17 +14,7 @@ const STEPS: usize = 12;
 /// Refines all unknown parameters together by Gauss-Newton on the whitened training rows, within their bounds, and
 /// gives each its standard error. Returns χ².
 pub fn refine(problem: &Problem, model: &mut Model, noise: &Noise, folds: &[Option<usize>]) -> f64 {
-    let evaluate = |model: &Model| -> DVector<f64> {
-        let whitened = noise.whiten(&residual(problem, model));
-        DVector::from_iterator(
-            folds.iter().flatten().count(),
-            whitened
-                .iter()
-                .zip(folds)
-                .filter(|(_, f)| f.is_some())
-                .map(|(r, _)| *r),
-        )
-    };
+    let evaluate = |model: &Model| training(&noise.whiten(&residual(problem, model)), folds);
     let objective = Objective {
         evaluate: &evaluate,
         encoder_energy: noise.encoder_energy,
@@ -50,6 +40,26 @@ pub fn refine(problem: &Problem, model: &mut Model, noise: &Noise, folds: &[Opti
     let drive = model.gain.value.unwrap_or(1.0) * derivative(model, GAIN, &evaluate).norm();
     uncertainty::assess(model, &free, &jacobian, &current, &clusters(folds), drive);
     objective.value(model, &current)
+}
+
+/// How the whitened training residuals move with each parameter that a fit may move: the positions of these among
+/// [`Model::parameters`], and one column for each.
+pub fn sensitivities(
+    problem: &Problem,
+    model: &Model,
+    noise: &Noise,
+    folds: &[Option<usize>],
+) -> (Vec<usize>, DMatrix<f64>) {
+    let evaluate = |model: &Model| training(&noise.whiten(&residual(problem, model)), folds);
+    let free = free_parameters(model);
+    let jacobian = jacobian(model, &free, &evaluate);
+    (free, jacobian)
+}
+
+/// The training rows among all.
+pub fn training(rows: &[f64], folds: &[Option<usize>]) -> DVector<f64> {
+    let seen = rows.iter().zip(folds).filter(|(_, f)| f.is_some());
+    DVector::from_iterator(folds.iter().flatten().count(), seen.map(|(r, _)| *r))
 }
 
 /// The sum of squared whitened residuals, less what encoder noise in the acceleration regressor adds to it: `J²·E`.
@@ -157,7 +167,7 @@ fn derivative(model: &Model, k: usize, evaluate: &impl Fn(&Model) -> DVector<f64
 }
 
 /// Consecutive training rows of one fold form a cluster.
-fn clusters(folds: &[Option<usize>]) -> Vec<usize> {
+pub fn clusters(folds: &[Option<usize>]) -> Vec<usize> {
     let mut cluster = 0;
     let mut last = None;
     let mut clusters = Vec::new();

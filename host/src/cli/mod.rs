@@ -1,6 +1,7 @@
 //! The command line: one verb, one file.
 
 mod bench;
+mod dbi;
 mod demo;
 mod diagnose;
 mod explain;
@@ -36,6 +37,7 @@ enum Verb {
     Demo(demo::Command),
     Diagnose(diagnose::Command),
     Identify(identify::Command),
+    Dbi(dbi::Command),
     Simulate(simulate::Command),
     Explain(explain::Command),
 }
@@ -48,6 +50,7 @@ pub fn run() -> u8 {
         Verb::Demo(command) => command.run(),
         Verb::Diagnose(command) => command.run(),
         Verb::Identify(command) => command.run(),
+        Verb::Dbi(command) => command.run(),
         Verb::Simulate(command) => command.run(),
         Verb::Explain(command) => command.run(),
     })

@@ -132,7 +132,7 @@ fn predictions(subject: &Subject) -> Result<Vec<Prediction>> {
         .collect()
 }
 
-fn named(model: &Model) -> &str {
+pub(super) fn named(model: &Model) -> &str {
     if model.name.is_empty() {
         "an axis without a name"
     } else {
@@ -140,7 +140,7 @@ fn named(model: &Model) -> &str {
     }
 }
 
-fn facts(subject: &Subject) -> Vec<[String; 2]> {
+pub(super) fn facts(subject: &Subject) -> Vec<[String; 2]> {
     let model = subject.after.model;
     let mut facts = vec![[
         "Model".to_owned(),

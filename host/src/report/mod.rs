@@ -11,6 +11,7 @@ mod points;
 mod rows;
 mod runs;
 mod spread;
+mod study;
 mod subject;
 mod tables;
 mod thin;
@@ -18,6 +19,7 @@ mod thin;
 #[cfg(test)]
 mod tests;
 
+use crate::dbi::Study;
 use crate::diagnose::Outcome;
 use crate::error::{Error, Result};
 use crate::identify::{Identified, Workbench};
@@ -36,6 +38,16 @@ pub fn identification(
     recordings: &[Recording],
 ) -> Result<String> {
     render(&data::identification(identified, bench, recordings)?)
+}
+
+/// The HTML text of a study of DBI. Fails only on a defect.
+pub fn study(
+    study: &Study,
+    identified: &Identified,
+    bench: &Workbench,
+    recordings: &[Recording],
+) -> Result<String> {
+    render(&study::page(study, identified, bench, recordings))
 }
 
 fn render(page: &Page) -> Result<String> {

@@ -1,0 +1,250 @@
+//! Forms of DBI that are linear in products of the parameters: no scan, no start values, no iteration over them.
+//!
+//! Each is an alternative to the default estimate, shown beside it. The price is noise: products of measured signals are
+//! regressors, and what noise does to them does not average out.
+
+mod dahl;
+mod rational;
+mod simex;
+mod weights;
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::effects::Quantity;
+use crate::linear;
+use crate::model::{Law, Model};
+use crate::problem::{Direction, Problem};
+use crate::refine::{clusters, training};
+use crate::system;
+use crate::uncertainty::Covariance;
+use crate::weak::{Track, Windows};
+
+pub use simex::{NoiseDraws, Shift};
+
+/// Names and quantities of physical parameters.
+type Quantities = &'static [(&'static str, Quantity)];
+
+/// A friction law as one linear problem in products of its parameters.
+pub trait Form {
+    /// What it is called.
+    fn name(&self) -> &'static str;
+    /// The row of a window.
+    fn equation(&self) -> &'static str;
+    /// What it assumes beyond the model.
+    fn remark(&self) -> &'static str;
+    /// Response and regressors of a track, functional by functional.
+    fn columns(&self, track: &Track, windows: &Windows, given: &Given) -> Vec<Vec<f64>>;
+    /// The parameters that follow from the products.
+    fn physical(&self) -> Quantities;
+    /// Physical parameters from the coefficients of the regressors.
+    fn decode(&self, beta: &[f64]) -> Vec<f64>;
+    /// What each regressor is multiplied by.
+    fn products(&self) -> &'static [&'static str];
+    /// The coefficients that physical parameters stand for: what redundant products are checked against.
+    fn encode(&self, physical: &[f64]) -> Vec<f64>;
+    /// Whether it holds only while the direction of sliding stays: windows with a reversal inside are then left out.
+    fn sliding_only(&self) -> bool {
+        false
+    }
+    /// How much the form multiplies the noise of each row, for a second pass.
+    fn factor(&self, _physical: &[f64], _track: &Track, _windows: &Windows) -> Option<Vec<f64>> {
+        None
+    }
+}
+
+/// What a form takes from the model and the recording as it is.
+pub struct Given {
+    /// Mean over each cell of the driving torque, `k·u` less what effects beyond the friction law resist.
+    pub drive: Vec<f64>,
+}
+
+impl Given {
+    fn new(track: &Track, model: &Model) -> Self {
+        let gain = model.gain.value.unwrap_or(1.0);
+        let mut drive: Vec<f64> = track
+            .input(system::delay(model))
+            .iter()
+            .map(|u| gain * u)
+            .collect();
+        let coulomb = model.coulomb.value.unwrap_or_default();
+        for term in model.terms.iter().filter(|t| !t.in_law) {
+            let (inner, coefficients) = term.effect.linear(&system::values(term), coulomb);
+            let mut basis = vec![0.0; term.effect.width()];
+            for (drive, cell) in drive.iter_mut().zip(&track.cells) {
+                term.effect.basis(inner, *cell, &mut basis);
+                *drive -= basis
+                    .iter()
+                    .zip(&coefficients)
+                    .map(|(b, c)| b * c)
+                    .sum::<f64>();
+            }
+        }
+        Self { drive }
+    }
+
+    /// `∫x φ` of a held signal over all of every window, rest included.
+    fn hold(&self, windows: &Windows, cells: &[f64]) -> Vec<f64> {
+        windows.apply(windows.hold_weights(), cells)
+    }
+}
+
+/// What a linear form finds.
+#[derive(Clone, Debug)]
+pub struct Solution {
+    /// Coefficients of the regressors.
+    pub products: DVector<f64>,
+    /// Their covariance.
+    pub covariance: DMatrix<f64>,
+    /// Physical parameters.
+    pub physical: Vec<f64>,
+    /// Their standard errors, by the delta method.
+    pub se: Vec<f64>,
+    /// How far each product lies from what the physical parameters make of it, in standard errors of that difference;
+    /// none for products that the physical parameters were computed from.
+    pub redundancy: Vec<Option<f64>>,
+}
+
+/// The forms that a model's friction law has.
+pub fn forms(model: &Model) -> Vec<Box<dyn Form>> {
+    match model.law {
+        Law::Dahl => vec![Box::new(dahl::SimplifiedDahl)],
+        Law::ModifiedLuGre => vec![Box::new(rational::RationalStribeck {
+            remark: "The sliding part of the model's own law: bristles are taken as stiff, so what they do behind reversals is left out.",
+        })],
+        Law::Stribeck => vec![Box::new(rational::RationalStribeck {
+            remark: "The model's law has the curve e^(−(v/vs)²) in place of 1/(1 + (v/vs)²): parameters of the two agree in order of magnitude only.",
+        })],
+        Law::CoulombViscous | Law::Static | Law::LuGre => Vec::new(),
+    }
+}
+
+/// Solves a form on the rows of a problem; `model` gives the gain and the effects beyond the law. `None` where the rows
+/// do not determine the products.
+pub fn solve(
+    form: &dyn Form,
+    problem: &Problem,
+    folds: &[Option<usize>],
+    model: &Model,
+) -> Option<Solution> {
+    let folds = &seen(form, problem, folds);
+    let tracks = problem.tracks.iter().zip(&problem.windows);
+    let mut stacked: Vec<Vec<f64>> = Vec::new();
+    for (track, windows) in tracks {
+        let given = Given::new(track, model);
+        let columns = form.columns(track, windows, &given);
+        stacked.resize(columns.len(), Vec::new());
+        for (all, own) in stacked.iter_mut().zip(columns) {
+            all.extend(own);
+        }
+    }
+    let first = least_squares(folds, &stacked)?;
+    let first = decoded(form, first);
+    let factors = problem.tracks.iter().zip(&problem.windows);
+    let factors: Option<Vec<Vec<f64>>> = factors
+        .map(|(t, w)| form.factor(&first.physical, t, w))
+        .collect();
+    let Some(factors) = factors else {
+        return Some(first);
+    };
+    let factors = factors.concat();
+    for column in &mut stacked {
+        column.iter_mut().zip(&factors).for_each(|(x, f)| *x /= f);
+    }
+    least_squares(folds, &stacked).map(|fit| decoded(form, fit))
+}
+
+/// Mean direction of sliding in a window without a reversal, at least: what remains is rounding and the ends of φ.
+const ONE_DIRECTION: f64 = 0.999;
+
+/// The folds of the rows that a form may see.
+fn seen(form: &dyn Form, problem: &Problem, folds: &[Option<usize>]) -> Vec<Option<usize>> {
+    if !form.sliding_only() {
+        return folds.to_vec();
+    }
+    let direction = problem.coulomb(&Direction::default());
+    let rows = folds.iter().zip(direction.iter());
+    rows.map(|(fold, s)| fold.filter(|_| s.abs() >= ONE_DIRECTION))
+        .collect()
+}
+
+/// Least squares on the rows as they are, with covariance.
+///
+/// The rows are not whitened: the noise model of the default estimate takes what rows at reversals leave for errors in
+/// the instant of the reversal, and it is there that bristles and Stribeck curves show. The covariance allows for the
+/// overlap of windows by blocks that hold many of them.
+fn least_squares(
+    folds: &[Option<usize>],
+    stacked: &[Vec<f64>],
+) -> Option<(DVector<f64>, DMatrix<f64>)> {
+    let (response, regressors) = stacked.split_first()?;
+    let columns: Vec<&[f64]> = regressors.iter().map(Vec::as_slice).collect();
+    let products = linear::score(response, &columns, folds, 0.0, None)?.beta;
+    let columns: Vec<DVector<f64>> = regressors.iter().map(|c| training(c, folds)).collect();
+    let columns = DMatrix::from_columns(&columns);
+    let residual = training(response, folds) - &columns * &products;
+    // In units of the residual's standard deviation.
+    let freedom = (residual.len() as f64 - products.len() as f64).max(1.0);
+    let sigma = (residual.norm_squared() / freedom)
+        .sqrt()
+        .max(f64::MIN_POSITIVE);
+    let spread = Covariance::new(&(columns / sigma), &(residual / sigma), &clusters(folds))?;
+    Some((products, spread.variance))
+}
+
+fn decoded(form: &dyn Form, (products, covariance): (DVector<f64>, DMatrix<f64>)) -> Solution {
+    let physical = form.decode(products.as_slice());
+    let slope = gradient(&|beta| form.decode(beta), &products, &covariance);
+    let variance = &slope * &covariance * slope.transpose();
+    let difference = |beta: &[f64]| -> Vec<f64> {
+        let implied = form.encode(&form.decode(beta));
+        beta.iter().zip(&implied).map(|(b, i)| b - i).collect()
+    };
+    let slope = gradient(&difference, &products, &covariance);
+    let spread = &slope * &covariance * slope.transpose();
+    let redundancy = difference(products.as_slice())
+        .iter()
+        .enumerate()
+        .map(|(k, d)| {
+            // Products that define the physical ones differ from them by rounding alone.
+            let se = spread[(k, k)].max(0.0).sqrt();
+            (se > 1e-3 * covariance[(k, k)].sqrt()).then(|| d / se)
+        })
+        .collect();
+    Solution {
+        se: variance
+            .diagonal()
+            .iter()
+            .map(|v| v.max(0.0).sqrt())
+            .collect(),
+        products,
+        covariance,
+        physical,
+        redundancy,
+    }
+}
+
+/// Jacobian by central differences over a hundredth of a standard error, far inside the range where the products are
+/// known to be linear enough for the delta method.
+fn gradient(
+    f: &dyn Fn(&[f64]) -> Vec<f64>,
+    at: &DVector<f64>,
+    covariance: &DMatrix<f64>,
+) -> DMatrix<f64> {
+    let columns: Vec<DVector<f64>> = (0..at.len())
+        .map(|k| {
+            let h = (0.01 * covariance[(k, k)].sqrt())
+                .max(1e-7 * at[k].abs())
+                .max(f64::MIN_POSITIVE);
+            let moved = |by: f64| {
+                let mut moved = at.clone();
+                moved[k] += by;
+                DVector::from_vec(f(moved.as_slice()))
+            };
+            (moved(h) - moved(-h)) / (2.0 * h)
+        })
+        .collect();
+    DMatrix::from_columns(&columns)
+}
+
+#[cfg(test)]
+mod tests;
