@@ -13,7 +13,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::effects::Quantity;
 use crate::linear;
 use crate::model::{Law, Model};
-use crate::problem::{Direction, Problem};
+use crate::problem::Problem;
 use crate::refine::{clusters, training};
 use crate::system;
 use crate::uncertainty::Covariance;
@@ -109,10 +109,10 @@ pub fn forms(model: &Model) -> Vec<Box<dyn Form>> {
     match model.law {
         Law::Dahl => vec![Box::new(dahl::SimplifiedDahl)],
         Law::ModifiedLuGre => vec![Box::new(rational::RationalStribeck {
-            remark: "The sliding part of the model's own law: bristles are taken as stiff, so what they do behind reversals is left out.",
+            remark: "The sliding part of the model's own law: windows with a reversal, rest or bending bristles inside (by the default estimate) are left out.",
         })],
         Law::Stribeck => vec![Box::new(rational::RationalStribeck {
-            remark: "The model's law has the curve e^(−(v/vs)²) in place of 1/(1 + (v/vs)²): parameters of the two agree in order of magnitude only.",
+            remark: "The model's law has the curve e^(−(v/vs)²) in place of 1/(1 + (v/vs)²): parameters of the two agree in order of magnitude only. Windows with a reversal or rest inside are left out.",
         })],
         Law::CoulombViscous | Law::Static | Law::LuGre => Vec::new(),
     }
@@ -126,7 +126,7 @@ pub fn solve(
     folds: &[Option<usize>],
     model: &Model,
 ) -> Option<Solution> {
-    let folds = &seen(form, problem, folds);
+    let folds = &seen(form, problem, folds, model);
     let tracks = problem.tracks.iter().zip(&problem.windows);
     let mut stacked: Vec<Vec<f64>> = Vec::new();
     for (track, windows) in tracks {
@@ -153,17 +153,23 @@ pub fn solve(
     least_squares(folds, &stacked).map(|fit| decoded(form, fit))
 }
 
-/// Mean direction of sliding in a window without a reversal, at least: what remains is rounding and the ends of φ.
-const ONE_DIRECTION: f64 = 0.999;
+/// Share of the friction level that bristles bear over a window in which the axis slides. Below, it reverses, rests or
+/// creeps on bent bristles for part of the time.
+const SLIDING: f64 = 0.99;
 
-/// The folds of the rows that a form may see.
-fn seen(form: &dyn Form, problem: &Problem, folds: &[Option<usize>]) -> Vec<Option<usize>> {
+/// The folds of the rows that a form may see. Where bristles bend is taken from the model's own, where it has any.
+fn seen(
+    form: &dyn Form,
+    problem: &Problem,
+    folds: &[Option<usize>],
+    model: &Model,
+) -> Vec<Option<usize>> {
     if !form.sliding_only() {
         return folds.to_vec();
     }
-    let direction = problem.coulomb(&Direction::default());
+    let direction = problem.coulomb(&problem.direction(model));
     let rows = folds.iter().zip(direction.iter());
-    rows.map(|(fold, s)| fold.filter(|_| s.abs() >= ONE_DIRECTION))
+    rows.map(|(fold, s)| fold.filter(|_| s.abs() >= SLIDING))
         .collect()
 }
 

@@ -8,6 +8,8 @@
 //! products vs², Fs·vs², Fc, Fv, Fv·vs², J and J·vs²; nothing is scanned. The equation is divided by `J·vs²`, so that
 //! `∫q φ̈`, which carries the worst of the encoder's noise, is the response.
 //!
+//! All this holds in sliding alone. Windows in which the axis reverses, rests or creeps on bent bristles are left out.
+//!
 //! Multiplied rows weigh noise by `1 + (v/vs)²`: fast sliding would rule. A second pass divides each row by that
 //! factor with `vs` of the first (Sanathanan and Koerner, IEEE TAC 8, 1963).
 //!

@@ -37,15 +37,10 @@ fn found(model: &Model, recording: &Recording, half_width: f64) -> Solution {
     let reach = (half_width / PERIOD).round() as usize;
     let problem = Problem::new(tracks, &[reach], model.motion, Response::Acceleration);
     let form = forms(model).remove(0);
-    let solution = solve(form.as_ref(), &problem, &system::folds(&problem), model).unwrap();
-    for (name, z) in form.products().iter().zip(&solution.redundancy) {
-        eprintln!("{name}: {z:?}");
-    }
-    solution
+    solve(form.as_ref(), &problem, &system::folds(&problem), model).unwrap()
 }
 
 fn assert_close(solution: &Solution, truth: &[f64], tolerance: f64) {
-    eprintln!("{:?} ± {:?}", solution.physical, solution.se);
     for ((value, se), truth) in solution.physical.iter().zip(&solution.se).zip(truth) {
         assert!(
             (value - truth).abs() < tolerance * truth,
