@@ -220,7 +220,8 @@ fn found(form: &dyn Form, bench: &Workbench, model: &Model, draws: &NoiseDraws) 
             .map(|(k, (name, quantity))| LinearEstimate {
                 name,
                 value: finite(solution.physical[k]),
-                se: finite(solution.se[k]),
+                // Where there is no value there is no error either.
+                se: finite(solution.physical[k]).and(finite(solution.se[k])),
                 unit: model.unit(*quantity),
                 bias: shifts
                     .as_ref()
@@ -246,7 +247,7 @@ pub fn agreement(widths: &[AtWidth]) -> Vec<Agreement> {
     };
     let near = |w: &&AtWidth| {
         let factor = w.half_width / chosen.half_width;
-        let inside = factor <= AROUND * (1.0 + 1e-9) && factor >= (1.0 - 1e-9) / AROUND;
+        let inside = factor.ln().abs() <= AROUND.ln() + 1e-9;
         inside && !w.chosen && !w.estimates.is_empty()
     };
     let near: Vec<&AtWidth> = widths.iter().filter(near).collect();

@@ -45,7 +45,7 @@ impl Form for SimplifiedDahl {
             windows.apply(&weights.held_slope, &given.drive),
             windows.acceleration(&track.q),
             windows.velocity(&track.q),
-            scaled(given.hold(windows, &power), -1.0),
+            scaled(windows.apply(windows.hold_weights(), &power), -1.0),
             scaled(windows.apply(&weights.slope, &square), -0.5),
             windows.apply(&weights.value, &square),
         ]

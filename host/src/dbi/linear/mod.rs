@@ -81,11 +81,6 @@ impl Given {
         }
         Self { drive }
     }
-
-    /// `∫x φ` of a held signal over all of every window, rest included.
-    fn hold(&self, windows: &Windows, cells: &[f64]) -> Vec<f64> {
-        windows.apply(windows.hold_weights(), cells)
-    }
 }
 
 /// What a linear form finds.

@@ -41,7 +41,7 @@ fn items(study: &Study, k: usize, form: &LinearForm) -> Vec<Item> {
         items.push(Item::text("The products that were solved for. Redundant ones must agree with what the others make of them; the last column says how far they are apart, in standard errors of the difference."));
         items.push(Item::Table(products(found)));
     }
-    items.push(Item::text("Over the widths, the default estimates beside those of the linear form. Where the dashed bias is small against the error and the redundant products agree, the width suits the form."));
+    items.push(Item::text("Over the widths, the default estimates beside those of the linear form. Where the bias by noise is small against the error and the redundant products agree, the width suits the form."));
     let count = found.parameters.len();
     let plots = (0..count).map(|p| plot(&study.widths, k, p));
     items.push(Item::Plots {

@@ -186,7 +186,7 @@ pub(super) fn whiteness(study: &Study) -> Section {
         x_label: "lag [hops]".to_owned(),
         y_label: "autocorrelation [1]".to_owned(),
         height: 260,
-        caption: "Windows overlap over 8 hops, so neighbouring rows share their noise; whitening takes that out. Thin lines: the 95 % band of white noise.".to_owned(),
+        caption: "Windows overlap over 8 hops, so neighbouring rows share their noise. Whitening takes most of that out; the taper that keeps its covariance positive definite may leave some of it between nearest neighbours. Dark lines: the 95 % band of white noise.".to_owned(),
         ..lines(
             &lags,
             &[
