@@ -288,8 +288,8 @@ fn model_files() {
         &["line 7", "strybeck", "is not an effect", "stribeck"],
     );
     bad_model(
-        &format!("{good}[effects.backlash]"),
-        &["line 7", "backlash", "not in this version yet"],
+        &format!("{good}[effects.gremlins]"),
+        &["line 7", "gremlins", "is not an effect"],
     );
     bad_model(
         &format!("{good}[effects.gravity]\nmass = 1"),

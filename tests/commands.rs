@@ -645,11 +645,7 @@ fn an_imposed_motion_gives_the_force() {
 fn explain_knows_the_whole_catalogue() {
     let folder = Folder::new();
     let listed = folder.done("explain");
-    let ids: Vec<&str> = effects::ALL
-        .iter()
-        .map(|effect| effect.id())
-        .chain(effects::PLANNED.iter().map(|planned| planned.id))
-        .collect();
+    let ids: Vec<&str> = effects::ALL.iter().map(|effect| effect.id()).collect();
     assert_eq!(ids.len(), 24);
     for id in &ids {
         let entries = listed
@@ -677,10 +673,6 @@ fn explain_knows_the_whole_catalogue() {
                 effect.id()
             );
         }
-    }
-    for planned in effects::PLANNED {
-        let page = folder.done(&format!("explain {}", planned.id));
-        assert!(page.contains("does not diagnose it yet"), "{page}");
     }
     let ran = folder.run("explain stribek");
     assert_eq!(ran.status, 2);

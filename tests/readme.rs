@@ -36,9 +36,6 @@ fn the_lists_of_effects_are_those_of_the_catalogue() {
     let built_in: Vec<&str> = effects::ALL.iter().map(|e| e.id()).collect();
     let listed = between(&readme, "effects of its catalogue:", "\n- ");
     assert_eq!(quoted(listed), built_in);
-    let planned: Vec<&str> = effects::PLANNED.iter().map(|p| p.id).collect();
-    let listed = between(&readme, "of a similar effect:", "\n- ");
-    assert_eq!(quoted(listed), planned);
 }
 
 #[test]

@@ -14,7 +14,7 @@ use bristle::diagnose::{Verdict, diagnose};
 use bristle::identify::{Options, identify};
 use bristle::model::Model;
 use bristle::recording::Recording;
-use plants::{FIRST_SET, Noise, OTHERS, Recipe, baseline_toml, simulate};
+use plants::{NAMED, Noise, OTHERS, Recipe, baseline_toml, simulate};
 
 /// One plant and what became of it.
 struct Trial {
@@ -84,7 +84,7 @@ fn recipes(
     let mut recipes: Vec<Recipe> = (0..clean)
         .map(|k| Recipe::random(base + k, None, 0.0, noises[k as usize % 3]))
         .collect();
-    let first = FIRST_SET.iter().map(|e| (*e, each));
+    let first = NAMED.iter().map(|e| (*e, each));
     for (e, (effect, count)) in first.chain(OTHERS.iter().map(|e| (*e, others))).enumerate() {
         for k in 0..count {
             let size = [0.03, 0.10, 0.30][k as usize % 3];
@@ -129,7 +129,8 @@ fn attempt(recipe: &Recipe, velocity_only: bool) -> Option<Trial> {
     if !made.truth.met || made.truth.top_speed < 1e-3 {
         return None;
     }
-    let model = Model::parse(&baseline_toml(recipe)).expect("the baseline is a valid model");
+    let model =
+        Model::parse(&baseline_toml(recipe, &made.truth)).expect("the baseline is a valid model");
     let (q, v) = if velocity_only {
         (None, Some(differenced(&made.t, &made.q)))
     } else {
@@ -242,21 +243,21 @@ fn confusion_matrix(trials: &[Trial]) {
         "\nNamed first, of plants with one effect (columns in the order of the rows; then nothing: adequate, unknown):"
     );
     print!("{:<31}", "true effect");
-    (1..=FIRST_SET.len()).for_each(|k| print!("{k:>5}"));
+    (1..=NAMED.len()).for_each(|k| print!("{k:>5}"));
     println!("{:>8}{:>8}", "adequ.", "unkn.");
-    for (k, effect) in FIRST_SET.iter().chain(&OTHERS).enumerate() {
+    for (k, effect) in NAMED.iter().chain(&OTHERS).enumerate() {
         let these: Vec<&Trial> = trials.iter().filter(|t| t.truth == [*effect]).collect();
         if these.is_empty() {
             continue;
         }
-        let number = if k < FIRST_SET.len() {
+        let number = if k < NAMED.len() {
             format!("{:>2} ", k + 1)
         } else {
             "   ".to_owned()
         };
         print!("{number}{effect:<28}");
         let count = |f: &dyn Fn(&Trial) -> bool| these.iter().filter(|t| f(t)).count();
-        for name in FIRST_SET {
+        for name in NAMED {
             print!("{:>5}", count(&|t| t.names.first() == Some(&name)));
         }
         let unnamed = |verdict: &str| count(&|t| t.names.is_empty() && t.verdict == verdict);
@@ -270,7 +271,7 @@ fn size_table(trials: &[Trial]) {
         "\n{:<28}{:>6}{:>8}{:>8}{:>8}{:>8}  also named first",
         "true effect", "size", "plants", "right", "adequ.", "unkn."
     );
-    for effect in FIRST_SET.iter().chain(&OTHERS) {
+    for effect in NAMED.iter().chain(&OTHERS) {
         for size in [0.03, 0.10, 0.30] {
             let these: Vec<&Trial> = trials
                 .iter()

@@ -71,7 +71,15 @@ fn run(law: &str, seconds: f64, force: impl Fn(f64) -> f64) -> Vec<[f64; 4]> {
             let t = k as f64 * STEP;
             let u = force(t);
             let row = [t, u, state.x[0], state.x[1]];
-            state = advance(&plant, Drive { u, load: 0.0 }, state, STEP);
+            state = advance(
+                &plant,
+                Drive {
+                    u,
+                    ..Drive::default()
+                },
+                state,
+                STEP,
+            );
             row
         })
         .collect()

@@ -48,7 +48,7 @@ fn run(friction: &str) -> Vec<[f64; 5]> {
             let t = f64::from(k) * STEP;
             let drive = Drive {
                 u: pull(t),
-                load: 0.0,
+                ..Drive::default()
             };
             let before = state;
             state = advance(&plant, drive, state, STEP);

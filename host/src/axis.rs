@@ -4,11 +4,20 @@ use std::cmp::Ordering;
 
 use bristle_core::friction::{CoulombViscous, Dynamic, Friction};
 
-use crate::effects::{Effect, Inner, Point};
+use crate::effects::{Coupling, Effect, Inner, Moment, Path, Point, Seat};
 use crate::error::{Error, Result};
 use crate::model::{Bristles, Model, Parameter, Term};
 use crate::motion::Motion;
 use crate::system;
+
+/// Position and velocity.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct State {
+    /// Position, rad or m.
+    pub q: f64,
+    /// Velocity, rad/s or m/s.
+    pub v: f64,
+}
 
 /// What resists motion at one place: a friction law and the effects beside it.
 pub struct Contact {
@@ -24,10 +33,14 @@ pub struct Axis {
     pub inertia: f64,
     /// `k`.
     pub gain: f64,
-    /// How much later than recorded the input acts, s.
-    pub delay: f64,
+    /// The way of the input to the axis.
+    pub path: Path,
     /// `F`.
     pub contact: Contact,
+    /// Part of the inertia that hangs behind the measured side, if any does.
+    pub coupling: Option<Coupling>,
+    /// Errors in the measured position, with their coefficients.
+    errors: Vec<(&'static dyn Effect, Vec<f64>)>,
 }
 
 /// Room for the basis of any effect.
@@ -85,7 +98,12 @@ impl Contact {
         let jumps = |(effect, inner, _): &&(&'static dyn Effect, Inner, Vec<f64>)| {
             let at = |s: f64| {
                 let mut basis = [0.0; WIDEST];
-                effect.basis(*inner, Point::new(self.motion, 0.0, 0.0, s), &mut basis);
+                let moment = Moment {
+                    u: 1.0,
+                    ..Moment::default()
+                };
+                let at = Point::new(self.motion, 0.0, 0.0, s).at(moment);
+                effect.basis(*inner, at, &mut basis);
                 basis
             };
             at(1.0) != at(-1.0)
@@ -98,15 +116,21 @@ impl Contact {
         self.bristles.as_ref().map(|law| law.as_ref() as _)
     }
 
-    /// Everything that resists steady sliding at `q`, `v` in direction `s`, in N·m or N.
-    pub fn steady(&self, q: f64, v: f64, s: f64) -> f64 {
+    /// Whether anything here depends on the input.
+    pub fn driven(&self) -> bool {
+        self.terms.iter().any(|(effect, ..)| effect.driven())
+    }
+
+    /// Everything that resists steady sliding in direction `s`, in N·m or N, while nothing drives, at the first instant.
+    pub fn steady(&self, state: State, s: f64) -> f64 {
+        let v = state.v;
         let bristles = |law: &Bristles| s * law.level(v) + law.viscosity() * v;
-        self.resistance(q, v, s) + self.bristles.as_ref().map_or(0.0, bristles)
+        self.resistance(Moment::default(), state, s) + self.bristles.as_ref().map_or(0.0, bristles)
     }
 
     /// Everything that resists motion at `q`, `v` while sliding in direction `s`, in N·m or N, but for bristles; under
     /// these, `s` is their force over its level.
-    pub fn resistance(&self, q: f64, v: f64, s: f64) -> f64 {
+    pub fn resistance(&self, moment: Moment, State { q, v }: State, s: f64) -> f64 {
         // The branch of direction s goes on smoothly past v = 0, by reflection at the level it starts from: an
         // integration step may look a little way beyond the standstill that it will be cut at.
         let along = s * v;
@@ -119,7 +143,7 @@ impl Contact {
         if self.terms.is_empty() {
             return sum;
         }
-        let at = Point::new(self.motion, q, v, s);
+        let at = Point::new(self.motion, q, v, s).at(moment);
         let mut basis = [0.0; WIDEST];
         for (effect, inner, coefficients) in &self.terms {
             effect.basis(*inner, at, &mut basis);
@@ -144,17 +168,34 @@ fn numbers(
     model: &Model,
     wanted: impl Fn(&Term) -> bool,
 ) -> Vec<(&'static dyn Effect, Inner, Vec<f64>)> {
-    let coulomb = model.coulomb.value.unwrap_or(0.0);
-    let terms = model
-        .terms
-        .iter()
-        .filter(|t| wanted(t) && t.effect.width() > 0);
+    let in_torque = |t: &&Term| t.effect.seat() == Seat::Torque && t.effect.width() > 0;
+    let terms = model.terms.iter().filter(|t| wanted(t)).filter(in_torque);
     terms
         .map(|t| {
-            let (inner, coefficients) = t.effect.linear(&system::values(t), coulomb);
+            let (inner, coefficients) = t.effect.linear(&system::values(t), model.scale());
             (t.effect, inner, coefficients)
         })
         .collect()
+}
+
+/// What hangs behind the measured side; refuses two loads, and one that is all of the inertia.
+fn coupling(model: &Model, inertia: f64) -> Result<Option<Coupling>> {
+    let of = |t: &Term| Some((t.effect.id(), t.effect.coupling(&system::values(t))?));
+    let mut all = model.terms.iter().filter_map(of);
+    let (first, second) = (all.next(), all.next());
+    if let (Some((one, _)), Some((other, _))) = (first, second) {
+        return Err(Error::Usage(format!(
+            "[effects.{one}] and [effects.{other}] each hang a load on the axis, and only one can; leave one out"
+        )));
+    }
+    match first {
+        Some((id, coupling)) if coupling.inertia <= 0.0 || coupling.inertia >= inertia => {
+            Err(Error::Usage(format!(
+                "effects.{id}.load_inertia must lie between zero and plant.inertia, of which it is a part"
+            )))
+        }
+        _ => Ok(first.map(|(_, coupling)| coupling)),
+    }
 }
 
 /// Refuses a model in which a value is missing; the message names the first one.
@@ -179,11 +220,61 @@ impl Axis {
     /// The same with any law, for simulation.
     pub fn simulated(model: &Model) -> Result<Self> {
         complete(model)?;
+        let moving = model.parameters()[model.moving_inertia()];
+        let of_sensor = |t: &&Term| t.effect.seat() == Seat::Sensor;
+        let errors = model.terms.iter().filter(of_sensor).map(|t| {
+            let (_, coefficients) = t.effect.linear(&system::values(t), model.scale());
+            (t.effect, coefficients)
+        });
         Ok(Self {
-            inertia: model.inertia.value.unwrap_or_default(),
+            inertia: moving.value.unwrap_or_default(),
             gain: model.gain.value.unwrap_or_default(),
-            delay: system::delay(model),
+            path: system::path(model),
             contact: Contact::new(model),
+            coupling: coupling(model, moving.value.unwrap_or_default())?,
+            errors: errors.collect(),
         })
+    }
+
+    /// Error of a measured position, and its slope.
+    fn error(&self, q: f64) -> (f64, f64) {
+        let mut sum = (0.0, 0.0);
+        for (effect, coefficients) in &self.errors {
+            let mut unit = [(0.0, 0.0); WIDEST];
+            effect.error(q, &mut unit);
+            for (c, (value, slope)) in coefficients.iter().zip(unit) {
+                sum = (sum.0 + c * value, sum.1 + c * slope);
+            }
+        }
+        sum
+    }
+
+    /// The true state behind a measured one.
+    pub fn truth(&self, measured: State) -> State {
+        let (error, slope) = self.error(measured.q);
+        State {
+            q: measured.q - error,
+            v: measured.v * (1.0 - slope),
+        }
+    }
+
+    /// What the sensor makes of a true state: [`Axis::truth`] inverted by iteration, as its errors are small.
+    pub fn seen(&self, truth: State) -> State {
+        const ITERATIONS: usize = 30;
+        if self.errors.is_empty() {
+            return truth;
+        }
+        let mut q = truth.q;
+        for _ in 0..ITERATIONS {
+            let next = truth.q + self.error(q).0;
+            if next.to_bits() == q.to_bits() {
+                break;
+            }
+            q = next;
+        }
+        State {
+            q,
+            v: truth.v / (1.0 - self.error(q).1),
+        }
     }
 }

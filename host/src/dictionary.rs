@@ -4,6 +4,7 @@
 //! systematic, so its residual shows the noise; and the coordinate whose group helps most says where something
 //! that no effect of the catalogue explains lives.
 
+use crate::effects::Path;
 use crate::problem::{Column, Problem, Response};
 use crate::weak::Track;
 
@@ -15,13 +16,24 @@ pub struct Group {
     pub columns: Vec<Column>,
 }
 
-/// Signals of one track, group by group.
-type Signals = Vec<(&'static str, Vec<Vec<f64>>)>;
-
-/// Cell signals of all tracks; independent of the window width.
+/// What the functions of all coordinates are made of; independent of the window width. Their signals are made when they
+/// are asked for: all at once they would take more memory than all else.
 pub struct Dictionary {
-    tracks: Vec<Signals>,
+    grids: Grids,
 }
+
+/// What a residual may depend on.
+const COORDINATES: [&str; 9] = [
+    "velocity",
+    "position",
+    "position, as friction",
+    "time",
+    "time, as friction",
+    "input",
+    "input, as friction",
+    "travel since reversal",
+    "position and velocity",
+];
 
 /// Knots along velocity, position and input; a short recording carries fewer.
 fn knots(samples: usize) -> usize {
@@ -29,7 +41,7 @@ fn knots(samples: usize) -> usize {
 }
 
 impl Dictionary {
-    /// Evaluates the dictionary on all tracks. Knots are common to all, so that columns mean the same on each.
+    /// Lays the knots. They are common to all tracks, so that columns mean the same on each.
     pub fn new(tracks: &[Track]) -> Self {
         let every = |f: &dyn Fn(&Track, usize) -> f64| -> Vec<f64> {
             tracks
@@ -38,20 +50,16 @@ impl Dictionary {
                 .collect()
         };
         let count = knots(tracks.iter().map(|t| t.cells.len()).sum());
-        let inputs: Vec<Vec<f64>> = tracks.iter().map(|t| t.input(0.0)).collect();
-        let all_inputs = inputs.iter().flatten().copied().collect();
+        let path = Path::default();
+        let inputs = tracks.iter().flat_map(|t| t.input(&path)).collect();
         let grids = Grids {
             speed: quantiles(every(&|t, k| t.cells[k].v.abs()), count),
             position: quantiles(every(&|t, k| t.cells[k].q), count + 2),
-            input: quantiles(all_inputs, count),
+            input: quantiles(inputs, count),
             travel: largest(every(&|t, k| t.cells[k].v.abs() * t.period)),
+            times: count,
         };
-        let tracks = tracks
-            .iter()
-            .zip(&inputs)
-            .map(|(t, u)| signals(t, u, &grids, count))
-            .collect();
-        Self { tracks }
+        Self { grids }
     }
 
     /// The functionals of the dictionary on the windows of a problem.
@@ -62,29 +70,29 @@ impl Dictionary {
     /// # Panics
     /// With the problem of other recordings than the dictionary's.
     pub fn groups(&self, problem: &Problem) -> Vec<Group> {
-        (0..self.tracks[0].len())
-            .filter(|&g| {
-                problem.response == Response::Acceleration
-                    || !self.tracks[0][g].0.starts_with("input")
-            })
-            .map(|g| {
-                let columns = problem.generic(g, || {
-                    (0..self.tracks[0][g].1.len())
-                        .map(|f| {
-                            let mut tracks = self.tracks.iter();
-                            problem.stack(|track, windows| {
-                                let signals = tracks.next().expect("signals of every track");
-                                windows.hold(track, &signals[g].1[f])
-                            })
-                        })
-                        .collect()
-                });
-                Group {
-                    coordinate: self.tracks[0][g].0,
-                    columns,
-                }
+        let kept = |coordinate: &&'static str| {
+            problem.response == Response::Acceleration || !coordinate.starts_with("input")
+        };
+        let coordinates = COORDINATES.into_iter().enumerate();
+        coordinates
+            .filter(|(_, coordinate)| kept(coordinate))
+            .map(|(group, coordinate)| Group {
+                coordinate,
+                columns: problem.generic(group, || self.columns(coordinate, problem)),
             })
             .collect()
+    }
+
+    fn columns(&self, coordinate: &str, problem: &Problem) -> Vec<Vec<f64>> {
+        let mut columns: Vec<Vec<f64>> = Vec::new();
+        for (track, windows) in problem.tracks.iter().zip(&problem.windows) {
+            let signals = signals(coordinate, track, &self.grids);
+            columns.resize(signals.len(), Vec::new());
+            for (column, signal) in columns.iter_mut().zip(&signals) {
+                column.extend(windows.hold(track, signal));
+            }
+        }
+        columns
     }
 }
 
@@ -93,14 +101,17 @@ struct Grids {
     position: Vec<f64>,
     input: Vec<f64>,
     travel: f64,
+    times: usize,
 }
 
-fn signals(track: &Track, input: &[f64], grids: &Grids, count: usize) -> Signals {
+/// The signals of one coordinate in every cell of a track, one for each function.
+fn signals(coordinate: &str, track: &Track, grids: &Grids) -> Vec<Vec<f64>> {
     let cells = &track.cells;
-    let duration = cells.len() as f64 * track.period;
-    let time_knots: Vec<f64> = (0..count)
-        .map(|k| track.start + duration * k as f64 / (count - 1) as f64)
-        .collect();
+    let times = |count: usize| -> Vec<f64> {
+        let duration = cells.len() as f64 * track.period;
+        let knot = |k: usize| track.start + duration * k as f64 / (count - 1) as f64;
+        (0..count).map(knot).collect()
+    };
     let speed = |k: usize| cells[k].v.abs();
     let position = |k: usize| cells[k].q;
     let time = |k: usize| track.cell_time(k);
@@ -120,38 +131,30 @@ fn signals(track: &Track, input: &[f64], grids: &Grids, count: usize) -> Signals
         a.extend(b);
         a
     };
-    vec![
-        (
-            "velocity",
-            both(
-                table(&grids.speed, &speed, &sign),
-                table(&grids.speed, &speed, &one),
-            ),
+    match coordinate {
+        "velocity" => both(
+            table(&grids.speed, &speed, &sign),
+            table(&grids.speed, &speed, &one),
         ),
-        ("position", table(&grids.position, &position, &one)),
-        (
-            "position, as friction",
-            table(&grids.position, &position, &sign),
+        "position" => table(&grids.position, &position, &one),
+        "position, as friction" => table(&grids.position, &position, &sign),
+        "position and velocity" => table(&grids.position, &position, &|k| cells[k].v),
+        "time" => table(&times(grids.times), &time, &one),
+        "time, as friction" => both(
+            table(&times(grids.times), &time, &sign),
+            table(&times(grids.times), &time, &|k| cells[k].v),
         ),
-        ("time", table(&time_knots, &time, &one)),
-        (
-            "time, as friction",
-            both(
-                table(&time_knots, &time, &sign),
-                table(&time_knots, &time, &|k| cells[k].v),
-            ),
-        ),
-        ("input", table(&grids.input, &|k| input[k], &one)),
-        (
-            "input, as friction",
-            vec![(0..cells.len()).map(|k| sign(k) * input[k].abs()).collect()],
-        ),
-        ("travel since reversal", memories(track, grids.travel)),
-        (
-            "position and velocity",
-            table(&grids.position, &position, &|k| cells[k].v),
-        ),
-    ]
+        "input" => {
+            let input = track.input(&Path::default());
+            table(&grids.input, &|k| input[k], &one)
+        }
+        "input, as friction" => {
+            let input = track.input(&Path::default());
+            let signed = (0..cells.len()).map(|k| sign(k) * input[k].abs());
+            vec![signed.collect()]
+        }
+        _ => memories(track, grids.travel),
+    }
 }
 
 /// Direction with a memory of the travel since reversal: `h ← σ + (h − σ)·e^(−|Δq|/x₀)`, σ = sgn Δq.

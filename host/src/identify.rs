@@ -12,6 +12,7 @@ use crate::noise::Noise;
 use crate::problem::{Problem, Response};
 use crate::recording::Recording;
 use crate::refine;
+use crate::scan::{self, Ground};
 use crate::system::{self, System};
 use crate::weak::{Balance, Part, Track};
 
@@ -40,6 +41,8 @@ pub struct Workbench {
     pub noise: Noise,
     /// Generic functions of each coordinate.
     pub dictionary: Dictionary,
+    /// What it takes to move the axis, where the drive was asked how long it rests.
+    pub balance: Option<Balance>,
     /// How wide the windows are, and why.
     pub width: Width,
     /// Inertia found with all generic functions in: what a model falls back to that leaves so much out that its own
@@ -124,8 +127,18 @@ pub fn identify(
 impl Workbench {
     /// Chooses the width of the windows, lays them out and estimates the noise.
     pub fn new(recordings: &[Recording], model: &Model, options: Options) -> Result<Self> {
-        let tracks = Problem::tracks(recordings, model.motion, None);
-        let bench = Self::on(&tracks, model, options)?;
+        Self::of(model, options, |balance| {
+            Problem::tracks(recordings, model.motion, balance)
+        })
+    }
+
+    /// The same for tracks that are made by whatever means.
+    pub fn of(
+        model: &Model,
+        options: Options,
+        make: impl Fn(Option<Balance>) -> Vec<Track>,
+    ) -> Result<Self> {
+        let bench = Self::on(&make(None), model, options)?;
         let doubt = bench
             .problem
             .tracks
@@ -134,8 +147,11 @@ impl Workbench {
             .fold(0.0, f64::max);
         match bench.balance(model)? {
             Some(balance) if doubt > LEAST_DOUBT => {
-                let tracks = Problem::tracks(recordings, model.motion, Some(balance));
-                Self::on(&tracks, model, options)
+                let bench = Self::on(&make(Some(balance)), model, options)?;
+                Ok(Self {
+                    balance: Some(balance),
+                    ..bench
+                })
             }
             _ => Ok(bench),
         }
@@ -167,7 +183,7 @@ impl Workbench {
         let value = |p: &Parameter| p.value.unwrap_or_default();
         let gain = value(&model.gain);
         let balance = Balance {
-            inertia: value(&model.inertia) / gain,
+            inertia: value(model.parameters()[model.moving_inertia()]) / gain,
             coulomb: value(&model.coulomb) / gain,
         };
         let usable = balance.inertia > 0.0 && balance.coulomb > 0.0;
@@ -190,8 +206,9 @@ impl Workbench {
         problem.response = response;
         let system = System::new(&problem, &start)?;
         let (residual, unknowns) = follow_everything(&problem, &system, &dictionary, &folds)?;
-        let noise = Noise::estimate(&problem, &residual, unknowns);
+        let noise = Noise::estimate(&problem, &residual, unknowns, &folds);
         Ok(Self {
+            balance: None,
             problem,
             folds,
             noise,
@@ -216,7 +233,8 @@ impl Workbench {
         if let Some(bent) = self.bend(&model) {
             model = bent;
         }
-        if model.inertia.value.is_some_and(|j| j <= 0.0) && !model.inertia.known {
+        let moving = model.parameters()[model.moving_inertia()];
+        if moving.value.is_some_and(|j| j <= 0.0) && !moving.known {
             return self.with_inertia(self.fallback_inertia(&model)?, model);
         }
         if let Some(term) = system::inadmissible(&model) {
@@ -348,10 +366,14 @@ impl Workbench {
 
     /// Estimates the rest of a model around a given inertia.
     fn with_inertia(&self, inertia: f64, mut model: Model) -> Result<(Model, f64)> {
-        let bounds = std::mem::replace(&mut model.inertia, Parameter::known(inertia));
+        let moving = model.moving_inertia();
+        let bounds = std::mem::replace(
+            &mut *model.parameters_mut().swap_remove(moving),
+            Parameter::known(inertia),
+        );
         let (mut model, chi2) = self.estimate(&model)?;
         // Taken rather than estimated here, so without a bound on its error.
-        model.inertia = Parameter {
+        *model.parameters_mut().swap_remove(moving) = Parameter {
             value: Some(inertia),
             se: Some(f64::INFINITY),
             ..bounds
@@ -365,10 +387,9 @@ impl Workbench {
         let mut rest = model.clone();
         let mut absent = rest.terms.remove(term);
         let (mut rest, chi2) = self.estimate(&rest)?;
-        let coulomb = rest.coulomb.value.unwrap_or(0.0);
-        let effect = absent.effect;
-        let (inner, _) = effect.linear(&system::values(&absent), coulomb);
-        let named = effect.named(inner, &vec![0.0; effect.width()], coulomb);
+        let (effect, scale) = (absent.effect, rest.scale());
+        let (inner, _) = effect.linear(&system::values(&absent), scale);
+        let named = effect.named(inner, &vec![0.0; effect.width()], scale);
         for (parameter, value) in absent.parameters.iter_mut().zip(named) {
             if !parameter.known {
                 (parameter.value, parameter.se) = (Some(value), Some(f64::INFINITY));
@@ -385,37 +406,38 @@ impl Workbench {
         Ok(Identified { model, chi2, fit })
     }
 
-    /// Gives each unknown inner parameter the value of its grid that fits best, one term after the other.
+    /// Gives unknown inner parameters the values that fit best, one term after the other.
     fn scan(&self, mut model: Model) -> Result<Model> {
-        for term in 0..model.terms.len() {
-            let effect = model.terms[term].effect;
-            let Some(inner) = effect.inner() else {
+        for at in 0..model.terms.len() {
+            let Some(inner) = model.terms[at].effect.inner() else {
                 continue;
             };
-            let parameter = &model.terms[term].parameters[inner];
-            if model.terms[term].bends() || parameter.known || parameter.se.is_some() {
+            let parameter = &model.terms[at].parameters[inner];
+            if model.terms[at].bends() || parameter.known || parameter.se.is_some() {
                 continue;
             }
-            let parameter = parameter.clone();
-            let mut best: Option<(f64, f64)> = None;
-            for value in effect.grid(&self.problem.survey(&model)) {
-                let value = parameter.clamp(value);
-                model.terms[term].parameters[inner].value = Some(value);
-                let system = System::new(&self.problem, &model)?;
-                let Some(score) = system.whitened(&self.noise).score(&self.folds) else {
-                    continue;
-                };
-                if best.is_none_or(|(chi2, _)| score.chi2 < chi2)
-                    && system.decode(&score.beta, &mut model.clone())
-                {
-                    best = Some((score.chi2, value));
-                }
-            }
-            if let Some((_, value)) = best {
-                model.terms[term].parameters[inner].value = Some(value);
+            let mut rest = model.clone();
+            let term = rest.terms.remove(at);
+            let found = match self.ground(&rest)? {
+                Some(ground) => ground.best(&term)?,
+                None => None,
+            };
+            if let Some(found) = found {
+                scan::set_inner(&mut model.terms[at], found.inner);
             }
         }
         Ok(model)
+    }
+
+    /// A model as the ground for one more term; `None` if the recordings do not determine it.
+    pub fn ground<'a>(&'a self, model: &'a Model) -> Result<Option<Ground<'a>>> {
+        Ground::new(
+            &self.problem,
+            &self.noise,
+            &self.folds,
+            model,
+            self.robust_inertia,
+        )
     }
 }
 
@@ -462,7 +484,7 @@ fn choose_response(
     if model.causality == Causality::Inverse {
         return Ok((Response::Force, None));
     }
-    if model.inertia.known {
+    if model.parameters()[model.moving_inertia()].known {
         return Ok((Response::Acceleration, None));
     }
     let generic = |keep: &dyn Fn(&str) -> bool| -> Vec<Rc<Vec<f64>>> {
@@ -524,7 +546,7 @@ const GENERIC_RIDGE: f64 = 1e-6;
 
 /// Residual, in every row, of a fit of the system and the whole dictionary to the training rows, and how many
 /// unknowns that fit had.
-fn follow_everything(
+pub fn follow_everything(
     problem: &Problem,
     system: &System,
     dictionary: &Dictionary,
@@ -562,7 +584,7 @@ fn choose_width(
     options: Options,
 ) -> Result<(Problem, Width)> {
     let reach = |track: &Track, width: f64| {
-        let most = (track.q.len() / 40).max(FEWEST_SAMPLES);
+        let most = (track.whole / 40).max(FEWEST_SAMPLES);
         ((width / track.period).round() as usize).clamp(FEWEST_SAMPLES, most)
     };
     let problem = |width: f64| {

@@ -2,11 +2,12 @@
 //!
 //! Data goes one way. A module uses only those before it in this order, which `tests/structure.rs` checks:
 //!
-//! format → motion → error → effects → model → recording → weak → problem → noise → linear → system → uncertainty → refine → dictionary → axis → step → simulate → plant → excite → bench → fit → identify → diagnose → dbi → report → cli
+//! format → motion → error → effects → model → recording → weak → problem → noise → linear → projection → system → scan → normal → uncertainty → refine → dictionary → axis → step → simulate → plant → excite → bench → fit → identify → stream → pem → curve → diagnose → dbi → report → cli
 
 pub mod axis;
 pub mod bench;
 pub mod cli;
+pub mod curve;
 pub mod dbi;
 pub mod diagnose;
 pub mod dictionary;
@@ -20,13 +21,18 @@ pub mod linear;
 pub mod model;
 pub mod motion;
 pub mod noise;
+pub mod normal;
+pub mod pem;
 pub mod plant;
 pub mod problem;
+pub mod projection;
 pub mod recording;
 pub mod refine;
 pub mod report;
+pub mod scan;
 pub mod simulate;
 pub mod step;
+pub mod stream;
 pub mod system;
 pub mod uncertainty;
 pub mod weak;

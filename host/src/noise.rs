@@ -19,9 +19,22 @@ pub struct Noise {
     /// Energy of the encoder noise in the whitened column `∫q φ̈` over the training rows, where that column is a
     /// regressor; 0 where it is the response.
     pub encoder_energy: f64,
+    /// What holds for other rows of the same axis, too.
+    pub law: Law,
     /// Weight of each row after whitening: below one for outliers.
     weight: Vec<f64>,
     blocks: Vec<Block>,
+}
+
+/// The noise of an axis, apart from the rows that it was estimated on.
+#[derive(Clone, Debug)]
+pub struct Law {
+    /// `σ₀²`.
+    floor: f64,
+    /// `κ`.
+    reversal: f64,
+    /// Autocorrelation over hops.
+    correlation: Vec<f64>,
 }
 
 /// Consecutive rows with their banded Cholesky factor, row by row: `factor[i][d]` is entry `(i, i − d)`.
@@ -37,36 +50,31 @@ impl Noise {
     ///
     /// The standard deviation of row `k` is modelled as `σ² = σ₀² + κ·ρₖ²`, where `ρₖ²` sums the squared weights of
     /// reversals under its window: an error in the instant of a reversal is an impulse of `2·Fc·δt` there.
-    pub fn estimate(problem: &Problem, residual: &[f64], unknowns: usize) -> Self {
+    pub fn estimate(
+        problem: &Problem,
+        residual: &[f64],
+        unknowns: usize,
+        folds: &[Option<usize>],
+    ) -> Self {
         let reversals = reversal_weights(problem);
-        let sigma = standard_deviations(problem, residual, &reversals, unknowns);
+        let (floor, reversal) = variances(problem, residual, &reversals, unknowns);
+        let mut law = Law {
+            floor,
+            reversal,
+            correlation: Vec::new(),
+        };
         let limit = |z: f64| z.clamp(-WINSOR, WINSOR);
         let z: Vec<f64> = residual
             .iter()
-            .zip(&sigma)
+            .zip(law.sigma(&reversals))
             .map(|(r, s)| limit(r / s))
             .collect();
-        let correlation = correlation(problem, &z);
-        let blocks = blocks(problem, &correlation);
-        let mut noise = Self {
-            weight: vec![1.0; sigma.len()],
-            sigma,
-            blocks,
-            encoder_energy: 0.0,
-        };
-        noise.weight = noise
-            .whiten(residual)
-            .iter()
-            .map(|z| (WINSOR / z.abs()).min(1.0))
-            .collect();
-        if problem.response == Response::Force {
-            noise.encoder_energy = noise.measure_encoder_energy(problem);
-        }
-        noise
+        law.correlation = correlation(problem, &z);
+        law.on(problem, residual, folds)
     }
 
     /// Sends draws of white noise of the encoder's size through the same windows and the same whitening.
-    fn measure_encoder_energy(&self, problem: &Problem) -> f64 {
+    fn measure_encoder_energy(&self, problem: &Problem, folds: &[Option<usize>]) -> f64 {
         const DRAWS: usize = 4;
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let mut energy = 0.0;
@@ -84,8 +92,8 @@ impl Noise {
             let z = self.whiten(&rows);
             energy += z
                 .iter()
-                .zip(&problem.rows)
-                .filter(|(_, r)| r.part == Part::Train)
+                .zip(folds)
+                .filter(|(_, f)| f.is_some())
                 .map(|(z, _)| z * z)
                 .sum::<f64>();
         }
@@ -110,6 +118,35 @@ impl Noise {
     }
 }
 
+impl Law {
+    /// The noise of the rows of a problem. `residual` tells which of them are outliers; rows without a fold are there for
+    /// the whitening of others alone.
+    pub fn on(&self, problem: &Problem, residual: &[f64], folds: &[Option<usize>]) -> Noise {
+        let sigma = self.sigma(&reversal_weights(problem));
+        let mut noise = Noise {
+            weight: vec![1.0; sigma.len()],
+            sigma,
+            blocks: blocks(problem, &self.correlation),
+            encoder_energy: 0.0,
+            law: self.clone(),
+        };
+        noise.weight = noise
+            .whiten(residual)
+            .iter()
+            .map(|z| (WINSOR / z.abs()).min(1.0))
+            .collect();
+        if problem.response == Response::Force {
+            noise.encoder_energy = noise.measure_encoder_energy(problem, folds);
+        }
+        noise
+    }
+
+    fn sigma(&self, reversals: &[f64]) -> Vec<f64> {
+        let sigma = |r: &f64| (self.floor + self.reversal * r).sqrt().max(1e-300);
+        reversals.iter().map(sigma).collect()
+    }
+}
+
 /// For each row the sum of squared test-function weights at the reversals under its window.
 fn reversal_weights(problem: &Problem) -> Vec<f64> {
     problem.stack(|track, windows| {
@@ -126,12 +163,13 @@ fn reversal_weights(problem: &Problem) -> Vec<f64> {
     })
 }
 
-fn standard_deviations(
+/// `σ₀²` and `κ`.
+fn variances(
     problem: &Problem,
     residual: &[f64],
     reversals: &[f64],
     unknowns: usize,
-) -> Vec<f64> {
+) -> (f64, f64) {
     let seen: Vec<usize> = (0..residual.len())
         .filter(|&k| problem.rows[k].part == Part::Train)
         .collect();
@@ -149,15 +187,12 @@ fn standard_deviations(
     let (far, near): (Vec<usize>, Vec<usize>) =
         seen.iter().partition(|&&k| reversals[k] <= 0.1 * typical);
     if far.len().min(near.len()) < 30 {
-        return vec![mean_over(&seen, &square).sqrt().max(1e-300); residual.len()];
+        return (mean_over(&seen, &square), 0.0);
     }
     let floor = mean_over(&far, &square);
     let kappa =
         ((mean_over(&near, &square) - floor) / mean_over(&near, &|k| reversals[k])).max(0.0);
-    reversals
-        .iter()
-        .map(|r| (floor + kappa * r).sqrt().max(1e-300))
-        .collect()
+    (floor, kappa)
 }
 
 /// Autocorrelation over hops, tapered (Bartlett) so that it is positive definite.

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::collections::HashMap;
 use std::rc::Rc;
 
-use crate::effects::{Effect, Inner, Point, Survey};
+use crate::effects::{Effect, Inner, Path, Point, Survey};
 use crate::model::Model;
 use crate::motion::Motion;
 use crate::recording::Recording;
@@ -36,8 +36,8 @@ pub type Column = Rc<Vec<f64>>;
 /// Bits of what the bristles of a model depend on; zeros without bristles.
 type Bristled = [u64; 5];
 
-/// Key of a cached column set: effect id, the bits of its inner parameters, and those of the bristles.
-type Key = (&'static str, [u64; 2], Bristled);
+/// Key of a cached column set: what it is, and the bits of all that it depends on.
+type Key = (&'static str, Vec<u64>);
 
 /// The direction in which friction acts in every cell of every track: that of sliding, or that of bristles.
 #[derive(Clone, Default)]
@@ -144,10 +144,10 @@ impl Problem {
         })
     }
 
-    /// `∫u(t − delay) φ`.
-    pub fn input(&self, delay: f64) -> Column {
-        self.cached(("input", [delay.to_bits(), 0], [0; 5]), || {
-            vec![self.stack(|t, w| w.hold(t, &t.input(delay)))]
+    /// `∫u φ` of what a path makes of the input.
+    pub fn input(&self, path: &Path) -> Column {
+        self.cached(("input", path.bits().to_vec()), || {
+            vec![self.stack(|t, w| w.hold(t, &t.input(path)))]
         })
         .remove(0)
     }
@@ -172,64 +172,101 @@ impl Problem {
 
     /// `∫s φ`, `s` being the direction in which friction acts: `sgn v` without bristles.
     pub fn coulomb(&self, direction: &Direction) -> Column {
-        self.cached(("coulomb", [0; 2], direction.bristled), || {
-            vec![self.signals(direction, |_, at| at.s)]
+        self.cached(("coulomb", direction.bristled.to_vec()), || {
+            self.signals(direction, None, 1, |at, out| out[0] = at.s)
         })
         .remove(0)
     }
 
     /// `−∫q φ̇`.
     pub fn velocity(&self) -> Column {
-        self.cached(("velocity", [0; 2], [0; 5]), || {
+        self.cached(("velocity", Vec::new()), || {
             vec![self.stack(|t, w| w.velocity(&t.q))]
         })
         .remove(0)
     }
 
-    /// The columns of an effect for values of its inner parameters.
+    /// The columns of an effect's torque for values of its inner parameters, with friction in a direction and under the
+    /// input that a path passes.
     pub fn effect(
         &self,
         effect: &'static dyn Effect,
         inner: Inner,
         direction: &Direction,
+        path: &Path,
     ) -> Vec<Column> {
         if effect.width() == 0 {
             return Vec::new();
         }
-        let key = (effect.id(), inner.map(f64::to_bits), direction.bristled);
-        self.cached(key, || {
-            let mut basis = vec![0.0; effect.width()];
-            (0..effect.width())
-                .map(|k| {
-                    self.signals(direction, |_, at| {
-                        effect.basis(inner, at, &mut basis);
-                        basis[k]
-                    })
-                })
-                .collect()
+        let mut key = inner.map(f64::to_bits).to_vec();
+        key.extend(direction.bristled);
+        let path = effect.driven().then_some(path);
+        key.extend(path.into_iter().flat_map(Path::bits));
+        self.cached((effect.id(), key), || {
+            let basis = |at: Point, out: &mut [f64]| effect.basis(inner, at, out);
+            self.signals(direction, path, effect.width(), basis)
         })
     }
 
-    /// Functional of a signal of the cells as effects see them.
+    /// Functionals of so many signals of the cells as effects see them, under the input that a path passes if there is
+    /// one.
     fn signals(
         &self,
         direction: &Direction,
-        mut signal: impl FnMut(&Track, Point) -> f64,
-    ) -> Vec<f64> {
-        let mut tracks = 0..;
-        self.stack(|track, windows| {
-            let index = tracks.next().unwrap_or_default();
-            let cells = track.cells.iter().enumerate();
-            let signal: Vec<f64> = cells
-                .map(|(k, &at)| signal(track, direction.point(index, k, at)))
-                .collect();
-            windows.hold(track, &signal)
+        path: Option<&Path>,
+        width: usize,
+        basis: impl Fn(Point, &mut [f64]),
+    ) -> Vec<Vec<f64>> {
+        let mut columns = vec![Vec::with_capacity(self.rows.len()); width];
+        let mut out = vec![0.0; width];
+        for (index, (track, windows)) in self.tracks.iter().zip(&self.windows).enumerate() {
+            let input = path.map_or(Vec::new(), |path| track.input(path));
+            let mut signals = vec![Vec::with_capacity(track.cells.len()); width];
+            for (k, &cell) in track.cells.iter().enumerate() {
+                let at = input.get(k).map_or(cell, |&u| track.driven(k, u));
+                basis(direction.point(index, k, at), &mut out);
+                signals.iter_mut().zip(&out).for_each(|(s, b)| s.push(*b));
+            }
+            for (column, signal) in columns.iter_mut().zip(&signals) {
+                column.extend(windows.hold(track, signal));
+            }
+        }
+        columns
+    }
+
+    /// Mean acceleration, relative to the measured position, of the load that an effect hangs on the axis.
+    pub fn load(&self, effect: &'static dyn Effect, inner: Inner) -> Vec<Column> {
+        self.cached((effect.id(), inner.map(f64::to_bits).to_vec()), || {
+            vec![self.stack(|t, w| w.acceleration(&effect.load(inner, &t.q, &t.v, t.period)))]
         })
+    }
+
+    /// Mean acceleration and mean velocity of the error in the measured position, for each unit coefficient of an effect.
+    pub fn errors(&self, effect: &'static dyn Effect) -> Vec<[Column; 2]> {
+        let columns = self.cached((effect.id(), Vec::new()), || {
+            let of = |j: usize, functional: fn(&Windows, &[f64]) -> Vec<f64>| {
+                self.stack(|track, windows| {
+                    let mut out = vec![(0.0, 0.0); effect.width()];
+                    let error = |&q: &f64| {
+                        effect.error(q, &mut out);
+                        out[j].0
+                    };
+                    functional(windows, &track.q.iter().map(error).collect::<Vec<f64>>())
+                })
+            };
+            (0..effect.width())
+                .flat_map(|j| [of(j, Windows::acceleration), of(j, Windows::velocity)])
+                .collect()
+        });
+        columns
+            .chunks(2)
+            .map(|pair| [pair[0].clone(), pair[1].clone()])
+            .collect()
     }
 
     /// The columns of a group of generic functions.
     pub fn generic(&self, group: usize, compute: impl FnOnce() -> Vec<Vec<f64>>) -> Vec<Column> {
-        self.cached(("generic", [group as u64, 0], [0; 5]), compute)
+        self.cached(("generic", vec![group as u64]), compute)
     }
 
     /// What all recordings together cover, for a model whose Coulomb level is known so far.
@@ -246,10 +283,12 @@ impl Problem {
             .reduce(|a, b| Survey {
                 motion: a.motion,
                 period: a.period.min(b.period),
+                duration: a.duration.max(b.duration),
                 half_width: a.half_width.max(b.half_width),
                 top_speed: a.top_speed.max(b.top_speed),
                 slow: a.slow.min(b.slow),
                 travel: (a.travel.0.min(b.travel.0), a.travel.1.max(b.travel.1)),
+                input: (a.input.0.max(b.input.0), a.input.1.max(b.input.1)),
                 position_noise: a.position_noise.max(b.position_noise),
                 coulomb: a.coulomb,
             })

@@ -4,9 +4,10 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::model::Model;
 use crate::noise::Noise;
+use crate::normal::{Normal, less_encoder};
 use crate::problem::Problem;
 use crate::system::{inadmissible, residual};
-use crate::uncertainty::{self, normal_matrix};
+use crate::uncertainty;
 
 /// Most Gauss-Newton steps; from a weak-form start three or four settle it.
 const STEPS: usize = 12;
@@ -14,7 +15,7 @@ const STEPS: usize = 12;
 /// Refines all unknown parameters together by Gauss-Newton on the whitened training rows, within their bounds, and
 /// gives each its standard error. Returns χ².
 pub fn refine(problem: &Problem, model: &mut Model, noise: &Noise, folds: &[Option<usize>]) -> f64 {
-    let evaluate = |model: &Model| training(&noise.whiten(&residual(problem, model)), folds);
+    let evaluate = |model: &Model| counted(problem, model, noise, folds);
     let objective = Objective {
         evaluate: &evaluate,
         encoder_energy: noise.encoder_energy,
@@ -35,31 +36,49 @@ pub fn refine(problem: &Problem, model: &mut Model, noise: &Noise, folds: &[Opti
             break;
         }
     }
-    let free = free_parameters(model);
-    let jacobian = jacobian(model, &free, &evaluate);
-    let drive = model.gain.value.unwrap_or(1.0) * derivative(model, GAIN, &evaluate).norm();
-    uncertainty::assess(model, &free, &jacobian, &current, &clusters(folds), drive);
+    let clusters = clusters(folds);
+    let normal = sums(model, &current, &clusters, &evaluate);
+    uncertainty::assess(model, &free_parameters(model), &normal);
     objective.value(model, &current)
 }
 
-/// How the whitened training residuals move with each parameter that a fit may move: the positions of these among
-/// [`Model::parameters`], and one column for each.
-pub fn sensitivities(
+/// Normal equations of the rows of a problem that have a cluster, at the present values of a model.
+pub fn normal(
+    problem: &Problem,
+    model: &Model,
+    noise: &Noise,
+    clusters: &[Option<usize>],
+) -> Normal {
+    let evaluate = |model: &Model| counted(problem, model, noise, clusters);
+    let numbers: Vec<usize> = clusters.iter().copied().flatten().collect();
+    let mut normal = sums(model, &evaluate(model), &numbers, &evaluate);
+    normal.encoder_energy = noise.encoder_energy;
+    normal
+}
+
+fn sums(
+    model: &Model,
+    residual: &DVector<f64>,
+    clusters: &[usize],
+    evaluate: &impl Fn(&Model) -> DVector<f64>,
+) -> Normal {
+    let jacobian = jacobian(model, &free_parameters(model), evaluate);
+    let drive = derivative(model, GAIN, evaluate) * model.gain.value.unwrap_or(1.0);
+    let mut normal = Normal::new(&jacobian, residual, clusters);
+    normal.drive_squares = drive.norm_squared();
+    normal
+}
+
+/// The whitened residual of the rows that have a fold.
+fn counted(
     problem: &Problem,
     model: &Model,
     noise: &Noise,
     folds: &[Option<usize>],
-) -> (Vec<usize>, DMatrix<f64>) {
-    let evaluate = |model: &Model| training(&noise.whiten(&residual(problem, model)), folds);
-    let free = free_parameters(model);
-    let jacobian = jacobian(model, &free, &evaluate);
-    (free, jacobian)
-}
-
-/// The training rows among all.
-pub fn training(rows: &[f64], folds: &[Option<usize>]) -> DVector<f64> {
-    let seen = rows.iter().zip(folds).filter(|(_, f)| f.is_some());
-    DVector::from_iterator(folds.iter().flatten().count(), seen.map(|(r, _)| *r))
+) -> DVector<f64> {
+    let whitened = noise.whiten(&residual(problem, model));
+    let counted = whitened.iter().zip(folds).filter(|(_, f)| f.is_some());
+    DVector::from_iterator(folds.iter().flatten().count(), counted.map(|(r, _)| *r))
 }
 
 /// The sum of squared whitened residuals, less what encoder noise in the acceleration regressor adds to it: `J²·E`.
@@ -70,29 +89,15 @@ struct Objective<'a, F> {
 
 impl<F: Fn(&Model) -> DVector<f64>> Objective<'_, F> {
     fn value(&self, model: &Model, residual: &DVector<f64>) -> f64 {
-        residual.norm_squared() - model.inertia.value.unwrap_or(0.0).powi(2) * self.encoder_energy
+        less_encoder(residual.norm_squared(), model, self.encoder_energy)
     }
 
     fn gauss_newton(&self, model: &Model, residual: &DVector<f64>) -> Option<Vec<(usize, f64)>> {
         let free = free_parameters(model);
         let jacobian = jacobian(model, &free, self.evaluate);
-        if jacobian.ncols() == 0 {
-            return None;
-        }
-        let (mut normal, scale) = normal_matrix(&jacobian);
-        let mut gradient = jacobian.tr_mul(residual);
-        if free[0] == INERTIA {
-            normal[(0, 0)] -= self.encoder_energy / (scale[0] * scale[0]);
-            gradient[0] -= self.encoder_energy * model.inertia.value.unwrap_or(0.0);
-        }
-        let right = DVector::from_fn(gradient.len(), |i, _| -gradient[i] / scale[i]);
-        let step = normal.cholesky()?.solve(&right);
-        Some(
-            free.into_iter()
-                .enumerate()
-                .map(|(i, k)| (k, step[i] / scale[i]))
-                .collect(),
-        )
+        let mut normal = Normal::new(&jacobian, residual, &[]);
+        normal.encoder_energy = self.encoder_energy;
+        normal.step(model, &free)
     }
 
     /// Halves the step until it lowers the objective; bounds are kept by projection.
@@ -104,11 +109,7 @@ impl<F: Fn(&Model) -> DVector<f64>> Objective<'_, F> {
     ) -> Option<(Model, DVector<f64>)> {
         let mut length = 1.0;
         for _ in 0..6 {
-            let mut next = model.clone();
-            for &(k, s) in step {
-                next.move_to(k, next.parameters()[k].value.unwrap_or(0.0) + length * s);
-            }
-            if is_physical(&next) {
+            if let Some(next) = moved(model, step, length) {
                 let after = (self.evaluate)(&next);
                 if self.value(&next, &after) < before {
                     return Some((next, after));
@@ -120,17 +121,28 @@ impl<F: Fn(&Model) -> DVector<f64>> Objective<'_, F> {
     }
 }
 
-/// Positions of inertia and gain among [`Model::parameters`].
-const INERTIA: usize = 0;
+/// The model some share of a step on, its bounds kept by projection; `None` where that is not physical.
+pub fn moved(model: &Model, step: &[(usize, f64)], share: f64) -> Option<Model> {
+    let mut next = model.clone();
+    for &(k, s) in step {
+        next.move_to(k, next.parameters()[k].value.unwrap_or(0.0) + share * s);
+    }
+    is_physical(&next).then_some(next)
+}
+
+/// Position of the gain among [`Model::parameters`].
 const GAIN: usize = 1;
 
 /// No negative inertia, and coefficients that physics allows.
 fn is_physical(model: &Model) -> bool {
-    model.inertia.value.is_none_or(|j| j >= 0.0) && inadmissible(model).is_none()
+    model.parameters()[model.moving_inertia()]
+        .value
+        .is_none_or(|j| j >= 0.0)
+        && inadmissible(model).is_none()
 }
 
 /// Indices of the parameters that a fit may move.
-fn free_parameters(model: &Model) -> Vec<usize> {
+pub fn free_parameters(model: &Model) -> Vec<usize> {
     let parameters = model.parameters();
     (0..parameters.len())
         .filter(|&k| !parameters[k].known && parameters[k].value.is_some() && !model.is_whole(k))

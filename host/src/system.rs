@@ -8,9 +8,10 @@
 
 use nalgebra::DVector;
 
+use crate::effects::{Effect, Path, Seat};
 use crate::error::{Error, Result};
 use crate::linear::{self, Score};
-use crate::model::{Causality, Model, Term};
+use crate::model::{Causality, Model, Parameter, Term};
 use crate::noise::Noise;
 use crate::problem::{Column, Problem, Response};
 use crate::weak::Part;
@@ -23,7 +24,15 @@ enum Unknown {
     Gain,
     Coulomb,
     Viscous,
-    Coefficient { term: usize, index: usize },
+    Coefficient {
+        term: usize,
+        index: usize,
+    },
+    /// Of an error in the measured position, which needs no scale.
+    Error {
+        term: usize,
+        index: usize,
+    },
 }
 
 /// The linear weak-form problem of a model whose inner parameters are given.
@@ -34,8 +43,8 @@ pub struct System {
     /// One column for each unknown.
     pub columns: Vec<Vec<f64>>,
     unknowns: Vec<Unknown>,
-    /// What a resisting torque is multiplied by to become a column.
-    resisting: f64,
+    /// What a resisting torque, and the acceleration of an error in position, are multiplied by to become a column.
+    factors: [f64; 2],
     /// A column that carries encoder noise, and the energy of that noise over the training rows.
     errors: Option<(usize, f64)>,
 }
@@ -49,18 +58,26 @@ const FOLDS: usize = 5;
 pub fn folds(problem: &Problem) -> Vec<Option<usize>> {
     let fold = |row: &crate::problem::Row| {
         let track = &problem.tracks[row.track];
-        // Short recordings are cut into smaller blocks, so that every fold has its share of each.
-        let training = crate::weak::TRAIN_SHARE * track.q.len() as f64 * track.period;
-        let block = BLOCK.min(training / (2 * FOLDS) as f64);
+        let block = block(track.boundary as f64 * track.period);
         let time = row.centre as f64 * track.period;
         (row.part == Part::Train).then(|| (time / block) as usize % FOLDS)
     };
     problem.rows.iter().map(fold).collect()
 }
 
-/// Delay of the input in a model whose parameters have values.
-pub fn delay(model: &Model) -> f64 {
-    model.terms.iter().map(|t| t.effect.delay(&values(t))).sum()
+/// Length of the blocks that folds are made of, s. Short recordings are cut into smaller ones, so that every fold has its
+/// share of each.
+pub fn block(training: f64) -> f64 {
+    BLOCK.min(training / (2 * FOLDS) as f64)
+}
+
+/// The way of the input in a model whose parameters have values.
+pub fn path(model: &Model) -> Path {
+    let mut path = Path::default();
+    for term in &model.terms {
+        term.effect.transmit(&values(term), &mut path);
+    }
+    path
 }
 
 /// Values of a term's parameters; unknown ones count as zero.
@@ -85,13 +102,16 @@ impl System {
     /// Sets up the problem. Inner parameters must have values.
     pub fn new(problem: &Problem, model: &Model) -> Result<Self> {
         check_scale(model)?;
-        let known_value = |p: &crate::model::Parameter| if p.known { p.value } else { None };
-        let inertia = known_value(&model.inertia);
-        let gain = known_value(&model.gain);
-        let input = problem.input(delay(model));
+        let known_value = |p: &Parameter| if p.known { p.value } else { None };
         let direction = problem.direction(model);
-        let mut known = vec![0.0; problem.rows.len()];
-        let mut resisting: Vec<(Unknown, Column)> = Vec::new();
+        let mut sides = Sides {
+            inertia: known_value(model.parameters()[model.moving_inertia()]),
+            gain: known_value(&model.gain),
+            input: problem.input(&path(model)),
+            acceleration: problem.acceleration.to_vec(),
+            known: vec![0.0; problem.rows.len()],
+            unknown: Vec::new(),
+        };
         for (parameter, unknown, column) in [
             (
                 &model.coulomb,
@@ -101,115 +121,47 @@ impl System {
             (&model.viscous, Unknown::Viscous, problem.velocity()),
         ] {
             match known_value(parameter) {
-                Some(value) => add(&mut known, value, &column),
-                None => resisting.push((unknown, column)),
+                Some(value) => add(&mut sides.known, value, &column),
+                None => sides.unknown.push((unknown, column)),
             }
         }
-        for (index, term) in model.terms.iter().enumerate() {
-            let (inner, coefficients) = term
-                .effect
-                .linear(&values(term), model.coulomb.value.unwrap_or(0.0));
-            let fixed = term.parameters.iter().all(|p| p.known);
-            let columns = problem.effect(term.effect, inner, &direction);
-            for (k, column) in columns.into_iter().enumerate() {
-                if fixed {
-                    add(&mut known, coefficients[k], &column);
-                } else {
-                    resisting.push((
-                        Unknown::Coefficient {
-                            term: index,
-                            index: k,
-                        },
-                        column,
-                    ));
+        for (term, of) in model.terms.iter().enumerate() {
+            let (_, coefficients) = of.effect.linear(&values(of), model.scale());
+            let fixed = of.parameters.iter().all(|p| p.known);
+            let sensor = of.effect.seat() == Seat::Sensor;
+            for (index, column) in columns(problem, model, of).into_iter().enumerate() {
+                match (fixed, sensor) {
+                    (true, false) => add(&mut sides.known, coefficients[index], &column),
+                    (true, true) => add(&mut sides.acceleration, -coefficients[index], &column),
+                    _ => sides.unknown.push((unknown(sensor, term, index), column)),
                 }
             }
         }
         Ok(match problem.response {
-            Response::Acceleration => {
-                Self::acceleration(problem, inertia, gain, &input, &known, resisting)
-            }
-            Response::Force => Self::force(
-                problem,
-                inertia,
-                gain.unwrap_or(1.0),
-                &input,
-                &known,
-                resisting,
-            ),
+            Response::Acceleration => sides.by_acceleration(),
+            Response::Force => sides.by_force(),
         })
     }
 
-    fn acceleration(
-        problem: &Problem,
-        inertia: Option<f64>,
-        gain: Option<f64>,
-        input: &[f64],
-        known: &[f64],
-        resisting: Vec<(Unknown, Column)>,
+    /// Adds the unknown terms to the columns of inertia and gain. `factors` say what a resisting torque and a feigned
+    /// acceleration are multiplied by to become a column.
+    fn complete(
+        response: Vec<f64>,
+        mut columns: Vec<Vec<f64>>,
+        mut unknowns: Vec<Unknown>,
+        terms: Vec<(Unknown, Column)>,
+        factors: [f64; 2],
     ) -> Self {
-        let scale = 1.0 / inertia.unwrap_or(1.0);
-        let mut response = problem.acceleration.to_vec();
-        let mut columns = Vec::new();
-        let mut unknowns = Vec::new();
-        match (inertia, gain) {
-            (None, _) => {
-                let mut drive = scaled(input, gain.unwrap_or(1.0));
-                add(&mut drive, -1.0, known);
-                columns.push(drive);
-                unknowns.push(Unknown::InverseInertia);
-            }
-            (Some(_), Some(gain)) => {
-                add(&mut response, -gain * scale, input);
-                add(&mut response, scale, known);
-            }
-            (Some(_), None) => {
-                add(&mut response, scale, known);
-                columns.push(scaled(input, scale));
-                unknowns.push(Unknown::Gain);
-            }
-        }
-        for (unknown, column) in resisting {
-            columns.push(scaled(&column, -scale));
+        for (unknown, column) in terms {
+            let sensor = matches!(unknown, Unknown::Error { .. });
+            columns.push(scaled(&column, factors[usize::from(sensor)]));
             unknowns.push(unknown);
         }
         Self {
             response,
             columns,
             unknowns,
-            resisting: -scale,
-            errors: None,
-        }
-    }
-
-    fn force(
-        problem: &Problem,
-        inertia: Option<f64>,
-        gain: f64,
-        input: &[f64],
-        known: &[f64],
-        resisting: Vec<(Unknown, Column)>,
-    ) -> Self {
-        let mut response = scaled(input, gain);
-        add(&mut response, -1.0, known);
-        let mut columns = Vec::new();
-        let mut unknowns = Vec::new();
-        match inertia {
-            Some(inertia) => add(&mut response, -inertia, &problem.acceleration),
-            None => {
-                columns.push(problem.acceleration.to_vec());
-                unknowns.push(Unknown::Inertia);
-            }
-        }
-        for (unknown, column) in resisting {
-            columns.push(column.to_vec());
-            unknowns.push(unknown);
-        }
-        Self {
-            response,
-            columns,
-            unknowns,
-            resisting: 1.0,
+            factors,
             errors: None,
         }
     }
@@ -229,18 +181,22 @@ impl System {
         }
     }
 
-    /// The system with the columns of one more term, the last of a model; `whiten` is applied to the new columns.
+    /// The system with the [`columns`] of the last term of a model, which it does not have yet; `whiten` is applied to
+    /// them.
     #[must_use]
     pub fn extended(
         &self,
-        term: usize,
+        model: &Model,
         columns: &[Column],
         whiten: impl Fn(&[f64]) -> Vec<f64>,
     ) -> Self {
         let mut system = self.clone();
+        let term = model.terms.len() - 1;
+        let sensor = model.terms[term].effect.seat() == Seat::Sensor;
         for (index, column) in columns.iter().enumerate() {
-            system.columns.push(whiten(&scaled(column, self.resisting)));
-            system.unknowns.push(Unknown::Coefficient { term, index });
+            let factor = self.factors[usize::from(sensor)];
+            system.columns.push(whiten(&scaled(column, factor)));
+            system.unknowns.push(unknown(sensor, term, index));
         }
         system
     }
@@ -267,29 +223,41 @@ impl System {
             .map(|t| vec![0.0; t.effect.width()])
             .collect();
         let (mut coulomb, mut viscous) = (model.coulomb.value, model.viscous.value);
+        let moving = model.moving_inertia();
+        let mut moved = model.parameters()[moving].value;
         for (unknown, &value) in self.unknowns.iter().zip(beta.iter()) {
             match *unknown {
                 Unknown::InverseInertia => {
                     scale = 1.0 / value;
-                    model.inertia.value = Some(scale);
+                    moved = Some(scale);
                 }
-                Unknown::Inertia => model.inertia.value = Some(value),
+                Unknown::Inertia => moved = Some(value),
                 Unknown::Gain => model.gain.value = Some(value),
                 Unknown::Coulomb => coulomb = Some(value * scale),
                 Unknown::Viscous => viscous = Some(value * scale),
                 Unknown::Coefficient { term, index } => coefficients[term][index] = value * scale,
+                Unknown::Error { term, index } => {
+                    // With force as the response it is the error times the inertia that it shakes.
+                    let shaken = if self.factors[1] < 0.0 {
+                        moved.unwrap_or(1.0)
+                    } else {
+                        1.0
+                    };
+                    coefficients[term][index] = value / shaken;
+                }
             }
         }
         (model.coulomb.value, model.viscous.value) = (coulomb, viscous);
-        let coulomb = coulomb.unwrap_or(0.0);
+        model.parameters_mut()[moving].value = moved;
+        let measure = model.scale();
         let mut admissible = scale > 0.0;
         for (term, coefficients) in model.terms.iter_mut().zip(&coefficients) {
             if term.parameters.iter().all(|p| p.known) {
                 continue;
             }
-            admissible &= term.effect.admissible(coefficients);
-            let (inner, _) = term.effect.linear(&values(term), coulomb);
-            let named = term.effect.named(inner, coefficients, coulomb);
+            admissible &= allowed(term.effect, coefficients, moved);
+            let (inner, _) = term.effect.linear(&values(term), measure);
+            let named = term.effect.named(inner, coefficients, measure);
             let scanned = term.effect.inner();
             for (k, (parameter, value)) in term.parameters.iter_mut().zip(named).enumerate() {
                 if !parameter.known && Some(k) != scanned {
@@ -301,9 +269,99 @@ impl System {
     }
 }
 
+/// The two sides of the equation of motion, before one of them becomes the response.
+struct Sides {
+    /// Known inertia and gain.
+    inertia: Option<f64>,
+    gain: Option<f64>,
+    input: Column,
+    /// That of the measured position less its known errors.
+    acceleration: Vec<f64>,
+    /// Known torque that resists.
+    known: Vec<f64>,
+    unknown: Vec<(Unknown, Column)>,
+}
+
+impl Sides {
+    fn by_acceleration(self) -> System {
+        let scale = 1.0 / self.inertia.unwrap_or(1.0);
+        let mut response = self.acceleration;
+        let mut columns = Vec::new();
+        let mut unknowns = Vec::new();
+        match (self.inertia, self.gain) {
+            (None, gain) => {
+                let mut drive = scaled(&self.input, gain.unwrap_or(1.0));
+                add(&mut drive, -1.0, &self.known);
+                columns.push(drive);
+                unknowns.push(Unknown::InverseInertia);
+            }
+            (Some(_), Some(gain)) => {
+                add(&mut response, -gain * scale, &self.input);
+                add(&mut response, scale, &self.known);
+            }
+            (Some(_), None) => {
+                add(&mut response, scale, &self.known);
+                columns.push(scaled(&self.input, scale));
+                unknowns.push(Unknown::Gain);
+            }
+        }
+        System::complete(response, columns, unknowns, self.unknown, [-scale, 1.0])
+    }
+
+    fn by_force(self) -> System {
+        let mut response = scaled(&self.input, self.gain.unwrap_or(1.0));
+        add(&mut response, -1.0, &self.known);
+        let mut columns = Vec::new();
+        let mut unknowns = Vec::new();
+        match self.inertia {
+            Some(inertia) => add(&mut response, -inertia, &self.acceleration),
+            None => {
+                columns.push(self.acceleration);
+                unknowns.push(Unknown::Inertia);
+            }
+        }
+        System::complete(response, columns, unknowns, self.unknown, [1.0, -1.0])
+    }
+}
+
+/// The columns of a term of a model: resisting torques, or accelerations that an error in the measured position feigns.
+///
+/// An error `e` in the position enters as `J·F2[e] + Fv·F1[e]`, here over `J`. Viscous friction is the one that the model
+/// has so far; the joint refinement takes the one that it arrives at.
+pub fn columns(problem: &Problem, model: &Model, term: &Term) -> Vec<Column> {
+    let effect = term.effect;
+    let (inner, _) = effect.linear(&values(term), model.scale());
+    if effect.seat() == Seat::Load {
+        return problem.load(effect, inner);
+    }
+    if effect.seat() != Seat::Sensor {
+        return problem.effect(effect, inner, &problem.direction(model), &path(model));
+    }
+    let inertia = model.parameters()[model.moving_inertia()].value;
+    let damping = match (model.viscous.value, inertia) {
+        (Some(viscous), Some(inertia)) if inertia > 0.0 => viscous / inertia,
+        _ => 0.0,
+    };
+    let feigned = |[acceleration, velocity]: &[Column; 2]| {
+        let mut column = acceleration.to_vec();
+        add(&mut column, damping, velocity);
+        Column::new(column)
+    };
+    problem.errors(effect).iter().map(feigned).collect()
+}
+
+fn unknown(sensor: bool, term: usize, index: usize) -> Unknown {
+    if sensor {
+        Unknown::Error { term, index }
+    } else {
+        Unknown::Coefficient { term, index }
+    }
+}
+
 /// The linear problem needs a scale: either inertia or gain must be known.
 fn check_scale(model: &Model) -> Result<()> {
-    if !model.gain.known && !model.inertia.known {
+    let inertia = model.parameters()[model.moving_inertia()];
+    if !model.gain.known && !inertia.known {
         return Err(Error::NotIdentifiable(
             "plant.gain and plant.inertia are both unknown: they scale together with every friction parameter, so no recording can tell them apart; give one of them (gain = 1.0 gives everything in units of u)".to_owned(),
         ));
@@ -318,9 +376,10 @@ fn check_scale(model: &Model) -> Result<()> {
 
 /// The weak-form residual of a model whose parameters all have values, on the side of the problem's response.
 pub fn residual(problem: &Problem, model: &Model) -> Vec<f64> {
-    let value = |p: &crate::model::Parameter| p.value.unwrap_or(0.0);
-    let direction = problem.direction(model);
-    let mut torque = scaled(&problem.input(delay(model)), value(&model.gain));
+    let value = |p: &Parameter| p.value.unwrap_or(0.0);
+    let (direction, path) = (problem.direction(model), path(model));
+    let mut acceleration = problem.acceleration.to_vec();
+    let mut torque = scaled(&problem.input(&path), value(&model.gain));
     add(
         &mut torque,
         -value(&model.coulomb),
@@ -328,21 +387,30 @@ pub fn residual(problem: &Problem, model: &Model) -> Vec<f64> {
     );
     add(&mut torque, -value(&model.viscous), &problem.velocity());
     for term in &model.terms {
-        let (inner, coefficients) = term.effect.linear(&values(term), value(&model.coulomb));
-        let columns = problem.effect(term.effect, inner, &direction);
-        for (column, c) in columns.iter().zip(coefficients) {
-            add(&mut torque, -c, column);
+        let (inner, coefficients) = term.effect.linear(&values(term), model.scale());
+        if term.effect.seat() == Seat::Sensor {
+            for ([feigned, velocity], c) in problem.errors(term.effect).iter().zip(coefficients) {
+                add(&mut acceleration, -c, feigned);
+                add(&mut torque, c * value(&model.viscous), velocity);
+            }
+        } else {
+            let columns = match term.effect.seat() {
+                Seat::Load => problem.load(term.effect, inner),
+                _ => problem.effect(term.effect, inner, &direction, &path),
+            };
+            for (column, c) in columns.iter().zip(coefficients) {
+                add(&mut torque, -c, column);
+            }
         }
     }
-    let inertia = value(&model.inertia);
+    let inertia = value(model.parameters()[model.moving_inertia()]);
     match problem.response {
         Response::Acceleration => {
-            let mut residual = problem.acceleration.to_vec();
-            add(&mut residual, -1.0 / inertia, &torque);
-            residual
+            add(&mut acceleration, -1.0 / inertia, &torque);
+            acceleration
         }
         Response::Force => {
-            add(&mut torque, -inertia, &problem.acceleration);
+            add(&mut torque, -inertia, &acceleration);
             torque
         }
     }
@@ -351,15 +419,31 @@ pub fn residual(problem: &Problem, model: &Model) -> Vec<f64> {
 /// Factor from the unit of [`residual`] to a torque or force that drives the axis beyond the model.
 pub fn torque_scale(problem: &Problem, model: &Model) -> f64 {
     match problem.response {
-        Response::Acceleration => model.inertia.value.unwrap_or(1.0),
+        Response::Acceleration => {
+            let inertia = model.parameters()[model.moving_inertia()];
+            inertia.value.unwrap_or(1.0)
+        }
         Response::Force => -1.0,
     }
 }
 
+/// Share of the inertia that may hang behind the measured side at most.
+const HEAVIEST_LOAD: f64 = 0.95;
+
+/// Whether physics allows the coefficients of an effect on an axis of some inertia.
+fn allowed(effect: &dyn Effect, coefficients: &[f64], inertia: Option<f64>) -> bool {
+    let heaviest = HEAVIEST_LOAD * inertia.unwrap_or(f64::INFINITY);
+    let carried = effect.seat() != Seat::Load || coefficients.iter().all(|c| *c < heaviest);
+    carried && effect.admissible(coefficients)
+}
+
 /// The first estimated term whose coefficients physics does not allow.
 pub fn inadmissible(model: &Model) -> Option<usize> {
-    let coulomb = model.coulomb.value.unwrap_or(0.0);
-    let allowed = |t: &Term| t.effect.admissible(&t.effect.linear(&values(t), coulomb).1);
+    let (scale, inertia) = (model.scale(), model.parameters()[model.moving_inertia()]);
+    let allowed = |t: &Term| {
+        let (_, coefficients) = t.effect.linear(&values(t), scale);
+        allowed(t.effect, &coefficients, inertia.value)
+    };
     model
         .terms
         .iter()

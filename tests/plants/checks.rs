@@ -1,6 +1,6 @@
 //! The simulator's own tests.
 
-use super::plants::{Axis, FIRST_SET, Noise, OTHERS, Recipe, Recording, State, simulate};
+use super::plants::{Axis, NAMED, Noise, OTHERS, Recipe, Recording, State, simulate};
 
 /// From `v0` under Coulomb friction alone, `v = v0 − c·t/J` and the axis rests for ever at
 /// `q = J·v0²/(2c)`. The projection is exact but for the step in which it comes to rest, where the mean
@@ -71,7 +71,7 @@ fn short(seed: u64, id: &'static str, size: f64) -> Recording {
 
 #[test]
 fn effects_have_the_size_asked_for() {
-    for id in FIRST_SET.into_iter().chain(OTHERS) {
+    for id in NAMED.into_iter().chain(OTHERS) {
         let made = short(7, id, 0.10).truth;
         let size = made.effects[0].1;
         assert!((0.08..=0.12).contains(&size) && made.met, "{id}: {size}");

@@ -89,6 +89,7 @@ impl Setup {
 /// Speed of a reference that keeps its travel sane.
 fn fit_travel(recipe: &Recipe, speed: f64, half_range: f64) -> f64 {
     let (least, most) = match recipe.motion {
+        Motion::Rotary if recipe.turns() => (12.0, 60.0),
         Motion::Rotary if recipe.bounded() => (1.8, 15.0),
         Motion::Rotary => (0.3, 60.0),
         Motion::Linear => (0.05, 0.5),
@@ -177,6 +178,11 @@ impl Basis<'_> {
                 let wave = TAU / (between(rng, 0.4, 1.2) * (self.look.hi - self.look.lo));
                 (Law::PositionDependentFriction { wave, phase }, 3.0 * torque)
             }
+            "position-dependent-viscous" => {
+                let wave = TAU / (between(rng, 0.4, 1.2) * (self.look.hi - self.look.lo));
+                let law = Law::PositionDependentViscous { wave, phase };
+                (law, 5.0 * torque / top)
+            }
             "thermal-drift" => {
                 let tau = between(rng, 4.0, 15.0);
                 (Law::ThermalDrift { tau }, 5.0 * torque / top)
@@ -192,6 +198,25 @@ impl Basis<'_> {
             "torque-ripple" => {
                 let wave = self.wave(rng);
                 (Law::TorqueRipple { wave, phase }, 1.4 * size)
+            }
+            "compliance" => {
+                let law = Law::Compliance {
+                    share: between(rng, 0.3, 0.8),
+                    damping: between(rng, 0.02, 0.1),
+                };
+                (law, 1.0 / 400.0)
+            }
+            "backlash" => {
+                let share = between(rng, 0.3, 0.8);
+                let travel = (self.look.hi - self.look.lo).min(6.0);
+                (Law::Backlash { share }, 0.05 * size * travel)
+            }
+            "actuator-lag" => (Law::ActuatorLag, 1e-3 + 0.02 * size),
+            "inertia-mismatch" => (Law::InertiaMismatch { side: sign(rng) }, size),
+            "sensor-eccentricity" => {
+                let speed = 0.3 * top;
+                let error = torque / (axis.inertia * speed * speed);
+                (Law::SensorEccentricity { phase }, error)
             }
             _ => unreachable!("checked with the recipe: {id}"),
         };

@@ -95,6 +95,30 @@ pub(super) enum Law {
         wave: f64,
         phase: f64,
     },
+    /// `x`: viscous coefficient where it is greatest; no effect of the contract's catalogue.
+    PositionDependentViscous {
+        wave: f64,
+        phase: f64,
+    },
+    /// `x`: seconds. Applied by the sampled loop.
+    ActuatorLag,
+    /// `x`: square of the load's period, s², with the other side held; `share`: of the inertia. Applied by the integrator.
+    Compliance {
+        share: f64,
+        damping: f64,
+    },
+    /// `x`: play in all; `share`: of the inertia. Applied by the integrator.
+    Backlash {
+        share: f64,
+    },
+    /// `x`: share by which the inertia of the model file is off. Nothing of it is in the motion.
+    InertiaMismatch {
+        side: f64,
+    },
+    /// `x`: rad. The encoder shows `x·sin(q + phase)` too much. Applied by the sampled loop.
+    SensorEccentricity {
+        phase: f64,
+    },
 }
 
 impl Effect {
@@ -108,6 +132,14 @@ impl Effect {
             }
             Law::TorqueRipple { wave, phase } => u * (1.0 + self.x * (wave * q + phase).sin()),
             _ => u,
+        }
+    }
+
+    /// What the encoder shows too much.
+    pub fn error(&self, q: f64) -> f64 {
+        match self.law {
+            Law::SensorEccentricity { phase } => self.x * (q + phase).sin(),
+            _ => 0.0,
         }
     }
 
@@ -146,6 +178,9 @@ impl Effect {
             Law::PowerLawViscous { exponent } => x * speed.powf(exponent),
             Law::PositionDependentFriction { wave, phase } => {
                 0.5 * x * (1.0 + (wave * at.q + phase).sin())
+            }
+            Law::PositionDependentViscous { wave, phase } => {
+                0.5 * x * speed * (1.0 + (wave * at.q + phase).sin())
             }
             Law::ThermalDrift { tau } => x * speed * (-at.t / tau).exp(),
             Law::LoadDependentFriction => x * at.load,
@@ -194,7 +229,8 @@ impl Effect {
                 ("stribeck_velocity", stribeck),
                 ("damping_ratio", damping),
             ],
-            Law::PositionDependentFriction { wave, phase } => {
+            Law::PositionDependentFriction { wave, phase }
+            | Law::PositionDependentViscous { wave, phase } => {
                 vec![("rise", x), ("wave", wave), ("phase", phase)]
             }
             Law::ThermalDrift { tau } => vec![("viscous_lost", x), ("tau", tau)],
@@ -210,6 +246,15 @@ impl Effect {
             Law::TorqueRipple { wave, phase } => {
                 vec![("ripple", x), ("wave", wave), ("phase", phase)]
             }
+            Law::Compliance { share, damping } => vec![
+                ("antiresonance", x.sqrt().recip()),
+                ("load_share", share),
+                ("damping_ratio", damping),
+            ],
+            Law::Backlash { share } => vec![("gap", x), ("load_share", share)],
+            Law::ActuatorLag => vec![("time_constant", x)],
+            Law::InertiaMismatch { side } => vec![("true_over_given", (side * x).exp())],
+            Law::SensorEccentricity { phase } => vec![("amplitude", x), ("phase", phase)],
         };
         let with_id = |(name, value)| (self.id, name, value);
         named.into_iter().map(with_id).collect()

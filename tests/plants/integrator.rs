@@ -4,6 +4,8 @@
 //! at zero speed can undo, the axis rests, exactly. Otherwise friction acts against the free velocity,
 //! at the mean speed of the step, which makes sliding second order in the step.
 
+use std::f64::consts::TAU;
+
 use super::effect::{Effect, Law};
 
 /// What moves: inertia, Coulomb and viscous friction, effects.
@@ -29,6 +31,10 @@ pub struct State {
     pub z: f64,
     /// Bristle torque over the last step.
     pub bristle: f64,
+    /// Position of a load behind the measured side, where there is one.
+    pub load_q: f64,
+    /// Its velocity.
+    pub load_v: f64,
 }
 
 impl Axis {
@@ -54,7 +60,8 @@ impl Axis {
         for effect in &self.effects {
             torque += effect.external(q, t + 0.5 * h);
         }
-        let free = x.v + h / self.inertia * torque;
+        torque -= self.spring(x, h);
+        let free = x.v + h / self.own_inertia() * torque;
         let at = Place {
             q,
             t: t + 0.5 * h,
@@ -64,17 +71,73 @@ impl Axis {
             Some(law) => self.bend(x, &law, free, &at, h),
             None => (self.project(x.v, free, &at, h), 0.0, 0.0),
         };
-        State {
+        let next = State {
             q: x.q + 0.5 * h * (x.v + v),
             v,
             z,
             bristle,
+            ..*x
+        };
+        self.carry(x, next, h)
+    }
+
+    /// Inertia behind the measured side.
+    pub fn load_inertia(&self) -> f64 {
+        let share = |e: &Effect| match e.law {
+            Law::Compliance { share, .. } | Law::Backlash { share } => share,
+            _ => 0.0,
+        };
+        self.inertia * self.effects.iter().map(share).sum::<f64>()
+    }
+
+    fn own_inertia(&self) -> f64 {
+        self.inertia - self.load_inertia()
+    }
+
+    /// Torque of an elastic transmission, at the middle of the step as the velocities before it say.
+    fn spring(&self, x: &State, h: f64) -> f64 {
+        let of = |e: &Effect| match e.law {
+            Law::Compliance { damping, .. } => {
+                let omega = TAU / e.x.sqrt();
+                let rate = x.v - x.load_v;
+                let twist = x.q - x.load_q + 0.5 * h * rate;
+                self.load_inertia() * omega * (omega * twist + 2.0 * damping * rate)
+            }
+            _ => 0.0,
+        };
+        self.effects.iter().map(of).sum()
+    }
+
+    /// Moves the load: by its spring, or freely up to the walls of its play, where it and the measured side go on together
+    /// with their momentum (Moreau's inelastic impact).
+    fn carry(&self, before: &State, mut next: State, h: f64) -> State {
+        let load = self.load_inertia();
+        if load == 0.0 {
+            return next;
         }
+        next.load_v += h / load * self.spring(before, h);
+        next.load_q += 0.5 * h * (before.load_v + next.load_v);
+        for effect in &self.effects {
+            if !matches!(effect.law, Law::Backlash { .. }) {
+                continue;
+            }
+            let half = 0.5 * effect.x;
+            let ahead = next.load_q - next.q;
+            if ahead.abs() >= half && (next.load_v - next.v) * ahead > 0.0 {
+                let momentum = self.own_inertia() * next.v + load * next.load_v;
+                next.v = momentum / self.inertia;
+                next.load_v = next.v;
+            }
+            if ahead.abs() > half {
+                next.load_q = next.q + half.copysign(ahead);
+            }
+        }
+        next
     }
 
     /// Velocity after the step with rigid, set-valued friction.
     fn project(&self, before: f64, free: f64, at: &Place, h: f64) -> f64 {
-        let gain = h / self.inertia;
+        let gain = h / self.own_inertia();
         let side = if free < 0.0 { -1.0 } else { 1.0 };
         let free = free.abs();
         if free <= gain * self.friction(0.0, side, at) {
@@ -136,7 +199,7 @@ impl Axis {
             z = end + (x.z - end) * (-mid.abs() * h * law.stiffness / level).exp();
             torque = law.stiffness * 0.5 * (x.z + z) + law.damping * (z - x.z) / h;
             let slide = self.friction(mid.abs(), side, at) - self.coulomb;
-            v = free - h / self.inertia * (torque + side * slide);
+            v = free - h / self.own_inertia() * (torque + side * slide);
         }
         (v, z, torque)
     }

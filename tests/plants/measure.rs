@@ -16,6 +16,8 @@ pub(super) struct Point {
     pub late: f64,
     /// Bristle torque.
     pub bristle: f64,
+    /// What a load behind the measured side adds to the torque, mean over the hold.
+    pub hung: f64,
 }
 
 /// Root mean square.

@@ -4,8 +4,8 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
-use super::Recording;
 use super::recipe::{Motion, Recipe};
+use super::{Case, Recording};
 
 /// Writes `t,u,q` as CSV with units. Numbers are the shortest that read back exactly.
 pub fn write_csv(recording: &Recording, path: impl AsRef<Path>) -> io::Result<()> {
@@ -21,8 +21,14 @@ pub fn write_csv(recording: &Recording, path: impl AsRef<Path>) -> io::Result<()
     file.flush()
 }
 
-/// The model file that knows nothing: Coulomb and viscous friction and inertia, all to be estimated.
-pub fn baseline_toml(recipe: &Recipe) -> String {
+/// The model file that knows nothing: Coulomb and viscous friction and inertia, all to be estimated; or, where that is
+/// what is wrong, a given inertia.
+pub fn baseline_toml(recipe: &Recipe, truth: &Case) -> String {
+    let mut parameters = truth.parameters.iter();
+    let mismatch = parameters.find(|(id, ..)| *id == "inertia-mismatch");
+    let inertia = mismatch.map_or("\"?\"".to_owned(), |(.., ratio)| {
+        (truth.inertia / ratio).to_string()
+    });
     let (motion, input) = match recipe.motion {
         Motion::Rotary => ("rotary", "torque"),
         Motion::Linear => ("linear", "force"),
@@ -34,7 +40,7 @@ pub fn baseline_toml(recipe: &Recipe) -> String {
 motion  = "{motion}"
 input   = "{input}"
 gain    = 1.0
-inertia = "?"
+inertia = {inertia}
 
 [friction]
 model   = "coulomb-viscous"

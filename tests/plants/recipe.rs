@@ -68,11 +68,12 @@ pub struct Recipe {
 }
 
 /// Effects in position: they need travel that is bounded, hence position control.
-const BOUNDED: [&str; 4] = [
+const BOUNDED: [&str; 5] = [
     "gravity",
     "spring",
     "hardening-spring",
     "position-dependent-friction",
+    "position-dependent-viscous",
 ];
 
 /// Effects that push an axis in open loop away.
@@ -117,7 +118,7 @@ impl Recipe {
             } else {
                 recipe.control
             },
-            motion: if effects.contains(&"gravity") {
+            motion: if recipe.turns() || effects.contains(&"gravity") {
                 Motion::Rotary
             } else {
                 recipe.motion
@@ -144,6 +145,11 @@ impl Recipe {
         self.effects.iter().any(|id| BOUNDED.contains(id))
     }
 
+    /// Whether an effect needs whole turns.
+    pub(super) fn turns(&self) -> bool {
+        self.effects.contains(&"sensor-eccentricity")
+    }
+
     /// Whether an axis in open loop needs the centring loop.
     pub(super) fn centred(&self) -> bool {
         self.motion == Motion::Linear || self.effects.iter().any(|id| DRIFTING.contains(id))
@@ -151,15 +157,15 @@ impl Recipe {
 
     /// Says what makes the recipe impossible.
     pub(super) fn check(&self) {
-        let known = |id: &&str| super::FIRST_SET.contains(id) || super::OTHERS.contains(id);
+        let known = |id: &&str| super::NAMED.contains(id) || super::OTHERS.contains(id);
         assert!(self.effects.iter().all(known), "unknown effect in {self:?}");
         assert!(
             self.control == Control::Pd || !self.bounded(),
             "effects in position need Control::Pd: {self:?}"
         );
         assert!(
-            self.motion == Motion::Rotary || !self.effects.contains(&"gravity"),
-            "gravity in sin q needs Motion::Rotary: {self:?}"
+            self.motion == Motion::Rotary || !(self.turns() || self.effects.contains(&"gravity")),
+            "effects in sin q need Motion::Rotary: {self:?}"
         );
     }
 }

@@ -68,9 +68,16 @@ pub(super) fn run(recipe: &Recipe, setup: &Setup, axis: &Axis, scale: Scale, h: 
         .iter()
         .find(|e| matches!(e.law, Law::Delay))
         .map(|e| e.x);
+    let lag = axis
+        .effects
+        .iter()
+        .find(|e| matches!(e.law, Law::ActuatorLag))
+        .map(|e| e.x);
+    let mut lagged = 0.0;
     let mut controller = setup.controller(recipe, axis.inertia, ts);
     let mut x = State {
         q: setup.start,
+        load_q: setup.start,
         ..State::default()
     };
     let mut out = Run {
@@ -83,7 +90,8 @@ pub(super) fn run(recipe: &Recipe, setup: &Setup, axis: &Axis, scale: Scale, h: 
     for k in 0..n {
         let t = k as f64 * ts;
         let count = recipe.count();
-        let encoder = ((x.q + setup.encoder_phase * count) / count).floor() * count;
+        let error: f64 = axis.effects.iter().map(|e| e.error(x.q)).sum();
+        let encoder = ((x.q + error + setup.encoder_phase * count) / count).floor() * count;
         let wanted = scale.excitation * setup.excitation.shape[k];
         let u = match recipe.control {
             Control::Open => wanted + controller.output(setup.start - encoder),
@@ -95,10 +103,18 @@ pub(super) fn run(recipe: &Recipe, setup: &Setup, axis: &Axis, scale: Scale, h: 
         out.v.push(x.v);
         let process = scale.noise * setup.noise[k];
         let mut late = 0.0;
+        let before = x;
         for i in 0..sub {
             let held = delay.map_or(u, |d| {
                 let from = k as f64 + i as f64 / sub as f64 - d / ts;
                 mean_held(&out.u, from, 1.0 / sub as f64)
+            });
+            let held = lag.map_or(held, |tau| {
+                // Trapezoidal rule for tau·dy/dt = u − y.
+                let before = lagged;
+                let half = 0.5 * h / tau;
+                lagged = ((1.0 - half) * before + 2.0 * half * held) / (1.0 + half);
+                0.5 * (before + lagged)
             });
             late += (held - u) / sub as f64;
             let at = t + i as f64 * h;
@@ -110,6 +126,8 @@ pub(super) fn run(recipe: &Recipe, setup: &Setup, axis: &Axis, scale: Scale, h: 
             x = next;
         }
         out.trace[k].late = late;
+        out.trace[k].hung =
+            axis.load_inertia() * ((x.v - before.v) - (x.load_v - before.load_v)) / ts;
     }
     out
 }
@@ -126,6 +144,7 @@ fn point(x: &State, next: &State, u: f64, t: f64, h: f64) -> Point {
         u,
         late: 0.0,
         bristle: next.bristle,
+        hung: 0.0,
     }
 }
 

@@ -152,10 +152,16 @@ impl<'a> Trial<'a> {
             let torque: Vec<f64> = out.trace.iter().map(|p| e.torque(p, &self.axis)).collect();
             // The encoder's noise in u is not what a delay is seen by: look below 50 Hz.
             let average = match e.law {
-                Law::Delay => (0.01 * self.recipe.rate) as usize,
+                Law::Delay | Law::ActuatorLag | Law::Compliance { .. } | Law::Backlash { .. } => {
+                    (0.01 * self.recipe.rate) as usize
+                }
                 _ => 0,
             };
-            remainder(&out.trace, &torque, average) / u_rms
+            match e.law {
+                // All of it is what a free inertia imitates; the model's is given.
+                Law::InertiaMismatch { .. } => rms(&torque) / u_rms,
+                _ => remainder(&out.trace, &torque, average) / u_rms,
+            }
         };
         self.axis.effects.iter().map(size).collect()
     }
@@ -216,7 +222,14 @@ impl Effect {
             load: p.u.abs(),
         };
         match self.law {
-            Law::Delay => p.late,
+            Law::Delay | Law::ActuatorLag => p.late,
+            Law::Compliance { .. } | Law::Backlash { .. } => p.hung,
+            Law::InertiaMismatch { .. } => axis.inertia * p.a * self.x,
+            Law::SensorEccentricity { phase } => {
+                // The second derivative of the error, which the encoder feigns.
+                let (sin, cos) = (p.q + phase).sin_cos();
+                axis.inertia * self.x * (cos * p.a - sin * p.v * p.v)
+            }
             Law::Presliding { .. } => axis.coulomb * p.side - p.bristle,
             _ => {
                 let friction = self.friction(p.v.abs(), p.side, &at);
@@ -236,7 +249,11 @@ impl Effect {
         };
         *last = Some(here);
         self.x *= ((wanted.ln() - here.1) / slope).clamp(-1.5, 1.5).exp();
-        if matches!(self.law, Law::Delay) {
+        if matches!(self.law, Law::Compliance { .. }) {
+            // 6 to 60 Hz.
+            self.x = self.x.clamp(1.0 / 3600.0, 1.0 / 36.0);
+        }
+        if matches!(self.law, Law::Delay | Law::ActuatorLag) {
             self.x = self.x.clamp(1e-3, 8e-3);
         }
     }

@@ -4,14 +4,17 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::diagnose::{json, named, read_all};
+use super::diagnose::json;
+use super::input::{Input, named};
 use super::output::{self, Outputs};
+use super::terminal::Meter;
 use super::windows::Windows;
 use super::{DONE, Outcome, terminal};
 use crate::dbi::Study;
 use crate::identify::identify;
 use crate::model::Model;
 use crate::report;
+use crate::stream;
 
 /// Show how distribution-based identification (DBI) comes to its estimates, and whether to trust them
 ///
@@ -19,7 +22,8 @@ use crate::report;
 /// functionals that the equation of motion becomes, both sides of it row by row, what the fit leaves before and after
 /// whitening, the correlations of the estimates, and the estimates under windows of some ten half-widths from 15 to
 /// 300 ms. Under the laws dahl, stribeck and modified-lugre also the estimates of the form that is linear in products of
-/// the parameters, with the bias that encoder noise gives it.
+/// the parameters, with the bias that encoder noise gives it. Of recordings with millions of samples, stretches are studied, spread
+/// evenly over them.
 ///
 /// Example: bristle dbi run.csv --model axis.toml --report study.html
 #[derive(Args, Debug)]
@@ -45,15 +49,17 @@ impl Command {
         let mut inputs: Vec<&Path> = self.recordings.iter().map(PathBuf::as_path).collect();
         inputs.push(&self.model);
         output::check(&inputs, &[self.json.as_ref(), self.report.as_ref()])?;
-        let progress = terminal::progress();
-        progress.set_message("reading");
+        let progress = Meter::new();
         let model = Model::read_to_fit(&self.model)?;
-        let recordings = read_all(&self.recordings, &model)?;
-        progress.set_message("identifying");
+        let recordings = match Input::open(&self.recordings, &model, stream::LONG, &progress)? {
+            Input::Memory(recordings) => recordings,
+            Input::Files(files) => stream::stretches(&files)?,
+        };
+        progress.say("identifying");
         let (bench, identified) = identify(&recordings, &model, self.windows.options()?)
             .map_err(|e| named(e, &self.recordings, &self.model))?;
         let study = Study::new(&bench, &identified, &model, &recordings, &|what| {
-            progress.set_message(what.to_owned());
+            progress.say(what);
         });
         let mut outputs = Outputs::default();
         outputs.add(self.json.as_ref(), || json(&study))?;
@@ -61,7 +67,7 @@ impl Command {
             report::study(&study, &identified, &bench, &recordings)
         })?;
         let written = outputs.write()?;
-        progress.finish_and_clear();
+        progress.finish();
         terminal::study(&study);
         terminal::written(&written);
         Ok(DONE)

@@ -34,10 +34,6 @@ fn list() -> String {
     for effect in effects::ALL {
         let _ = writeln!(text, "  {:<28}{}", effect.id(), effect.name());
     }
-    text.push_str("\nIn the catalogue, not in this version yet:\n");
-    for planned in effects::PLANNED {
-        let _ = writeln!(text, "  {:<28}{}", planned.id, planned.summary);
-    }
     text.push_str("\nbristle explain ID tells more about one of them.\n");
     text
 }
@@ -46,16 +42,7 @@ fn explain(id: &str) -> Result<String, Error> {
     if let Some(effect) = effects::find(id) {
         return Ok(page(effect));
     }
-    if let Some(planned) = effects::PLANNED.iter().find(|p| p.id == id) {
-        return Ok(format!(
-            "{id}: {}.\nThis version does not diagnose it yet: a recording that holds it is called unknown, or named after the closest effect that is built in.\n",
-            planned.summary
-        ));
-    }
-    let every = effects::ALL
-        .iter()
-        .map(|e| e.id())
-        .chain(effects::PLANNED.iter().map(|p| p.id));
+    let every = effects::ALL.iter().map(|e| e.id());
     let close: Vec<&str> = every.filter(|known| related(known, id)).collect();
     let hint = if close.is_empty() {
         "bristle explain lists them all".to_owned()

@@ -1,11 +1,14 @@
 //! The command line: one verb, one file.
 
 mod bench;
+mod curve;
 mod dbi;
 mod demo;
 mod diagnose;
 mod explain;
 mod identify;
+mod input;
+mod method;
 mod output;
 mod simulate;
 mod terminal;

@@ -8,12 +8,15 @@ use std::time::Duration;
 use anstyle::{AnsiColor, Style};
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::curve::Curve;
 use crate::dbi::Study;
 use crate::diagnose::{Diagnosis, Estimates, Finding, Verdict};
 use crate::error::Error;
 use crate::fit::Fit;
 use crate::format::{self, percent, whole_percent};
 use crate::model::Causality;
+use crate::pem::Outcome;
+use crate::stream::Progress;
 
 const BOLD: Style = Style::new().bold();
 const DIM: Style = Style::new().dimmed();
@@ -24,16 +27,79 @@ fn colour(colour: AnsiColor) -> Style {
         .fg_color(Some(anstyle::Color::Ansi(colour)))
 }
 
-/// A spinner on the error stream; silent when that is not a terminal.
-pub(super) fn progress() -> ProgressBar {
-    if !std::io::stderr().is_terminal() {
-        return ProgressBar::hidden();
+/// Progress on the error stream; silent when that is not a terminal.
+pub(super) struct Meter {
+    bar: ProgressBar,
+}
+
+impl Meter {
+    pub fn new() -> Self {
+        let bar = if std::io::stderr().is_terminal() {
+            let bar = ProgressBar::no_length();
+            bar.enable_steady_tick(Duration::from_millis(100));
+            bar
+        } else {
+            ProgressBar::hidden()
+        };
+        Self { bar }
     }
-    let style = ProgressStyle::with_template("{spinner} {msg} {elapsed:.dim}")
-        .unwrap_or_else(|_| ProgressStyle::default_spinner());
-    let bar = ProgressBar::new_spinner().with_style(style);
-    bar.enable_steady_tick(Duration::from_millis(100));
-    bar
+
+    /// A step of unknown length.
+    pub fn say(&self, what: &str) {
+        self.start(what, "{spinner} {msg} {elapsed:.dim}");
+    }
+
+    /// A step that counts samples, towards a number if that is known.
+    pub fn count(&self, what: &str, samples: Option<usize>) {
+        let template = match samples {
+            None => "{spinner} {msg}: {human_pos} samples, {per_sec} {elapsed:.dim}",
+            Some(_) => "{spinner} {msg} [{bar:30}] {percent} %, {per_sec} {eta:.dim}",
+        };
+        self.start(what, template);
+        self.bar.reset();
+        samples.inspect(|samples| self.bar.set_length(*samples as u64));
+    }
+
+    /// So many more samples.
+    pub fn add(&self, samples: usize) {
+        self.bar.inc(samples as u64);
+    }
+
+    /// Shows how far the identification of long recordings has come.
+    pub fn follow(&self, progress: Progress) {
+        match progress {
+            Progress::Pilot => self.say("identifying stretches"),
+            Progress::Pass(number, samples) => self.count(&format!("pass {number}"), Some(samples)),
+            Progress::Samples(samples) => self.add(samples),
+        }
+    }
+
+    /// Leaves no trace.
+    pub fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+
+    fn start(&self, what: &str, template: &str) {
+        let style = ProgressStyle::with_template(template);
+        self.bar
+            .set_style(style.unwrap_or_else(|_| ProgressStyle::default_spinner()));
+        self.bar.set_message(what.to_owned());
+    }
+}
+
+/// A remark on the error stream.
+pub(super) fn note(what: &str) {
+    anstream::eprintln!("{BOLD}note:{BOLD:#} {what}");
+}
+
+/// How much was read how fast.
+pub(super) fn throughput(samples: usize, per_second: f64) {
+    let (number, unit) = if per_second >= 1e6 {
+        (per_second * 1e-6, "million")
+    } else {
+        (per_second * 1e-3, "thousand")
+    };
+    anstream::println!("{DIM}{samples} samples, {number:.2} {unit} a second{DIM:#}");
 }
 
 /// One line on the error stream.
@@ -86,6 +152,48 @@ pub(super) fn identification(
     let _ = writeln!(out, "{DIM}{windows}{DIM:#}");
     let _ = writeln!(out, "{}", fit_line(fit, causality));
     anstream::print!("{out}");
+}
+
+/// Shows a fit to the torque-speed curve.
+pub(super) fn curve(estimates: &Estimates, curve: &Curve, unit: &str) {
+    let mut out = String::new();
+    table(&mut out, estimates);
+    let _ = writeln!(
+        out,
+        "{} steady points, off by {:.3e} {unit} RMS ({:.3e} at the start) after {} iterations ({})",
+        curve.points.len(),
+        curve.rmse,
+        curve.rmse_at_start,
+        curve.iterations,
+        curve.reason
+    );
+    anstream::print!("{out}");
+}
+
+/// Shows what a minimisation did.
+pub(super) fn minimisation(outcome: &Outcome, start: &Fit) {
+    let (objective, rmse) = (outcome.objective, outcome.prediction_rmse);
+    if outcome.kept_start {
+        anstream::println!(
+            "Nothing better than the start was found in {} iterations ({}); its values are kept",
+            outcome.iterations,
+            outcome.reason
+        );
+        return;
+    }
+    anstream::println!(
+        "Prediction errors minimised in {} iterations ({}): objective {:.5} to {:.5}, RMS error {:.3e} to {:.3e}",
+        outcome.iterations,
+        outcome.reason,
+        objective.before,
+        objective.after,
+        rmse.before,
+        rmse.after,
+    );
+    anstream::println!(
+        "The start was off by {} on the held-out part",
+        percent(start.held_out.nrmse, None)
+    );
 }
 
 /// Shows in short whether the estimates of DBI hold.

@@ -5,7 +5,6 @@ use serde::Serialize;
 use crate::identify::Workbench;
 use crate::model::Model;
 use crate::refine;
-use crate::uncertainty::normal_matrix;
 
 /// What the design of the experiment makes of the estimates, whatever the noise.
 #[derive(Clone, Debug, Serialize)]
@@ -21,31 +20,28 @@ pub struct Correlation {
 impl Correlation {
     /// Of the estimates of a model.
     pub fn new(bench: &Workbench, model: &Model) -> Self {
-        let (free, jacobian) =
-            refine::sensitivities(&bench.problem, model, &bench.noise, &bench.folds);
         let labels = model.labels();
-        let names = free.iter().map(|&k| labels[k].to_string()).collect();
-        if free.is_empty() {
+        let free = refine::free_parameters(model);
+        let names: Vec<String> = free.iter().map(|&k| labels[k].to_string()).collect();
+        let normal = refine::normal(&bench.problem, model, &bench.noise, &bench.folds);
+        let Some((inverse, _, _)) = normal.covariances() else {
             return Self {
                 names,
                 matrix: Vec::new(),
                 condition: None,
             };
-        }
-        let (normal, _) = normal_matrix(&jacobian);
-        let eigenvalues = normal.symmetric_eigenvalues();
+        };
+        let correlation =
+            |i: usize, j: usize| inverse[(i, j)] / (inverse[(i, i)] * inverse[(j, j)]).sqrt();
+        let n = names.len();
+        let row = |i: usize| (0..n).map(|j| correlation(i, j)).collect();
+        let matrix = (0..n).map(row).collect();
+        // A matrix and its inverse have the same condition number.
+        let eigenvalues = inverse.symmetric_eigenvalues();
         let (low, high) = (eigenvalues.min(), eigenvalues.max());
-        let entry = |inverse: &nalgebra::DMatrix<f64>, i: usize, j: usize| {
-            inverse[(i, j)] / (inverse[(i, i)] * inverse[(j, j)]).sqrt()
-        };
-        let n = free.len();
-        let row = |inverse: &nalgebra::DMatrix<f64>, i: usize| {
-            (0..n).map(|j| entry(inverse, i, j)).collect()
-        };
-        let inverse = normal.try_inverse();
         Self {
             names,
-            matrix: inverse.map_or_else(Vec::new, |m| (0..n).map(|i| row(&m, i)).collect()),
+            matrix,
             condition: (low > 0.0).then(|| high / low),
         }
     }

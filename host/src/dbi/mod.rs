@@ -77,7 +77,7 @@ impl Study {
         let model = &identified.model;
         let forms = linear::forms(start);
         let noisier: &[Recording] = if forms.is_empty() { &[] } else { recordings };
-        let draws = NoiseDraws::new(noisier, start);
+        let draws = NoiseDraws::new(noisier, start, bench.balance);
         let widths = widths::over(bench, start, model, &draws, progress);
         let windows = Layout::new(bench, recordings);
         let mut half_widths: Vec<f64> = windows.recordings.iter().map(|l| l.half_width).collect();

@@ -114,7 +114,7 @@ fn unexplained(leftover: &Leftover) -> Unexplained {
 /// Cross-validated squared error of a model per training row.
 fn error(bench: &Workbench, model: &Model) -> Result<f64> {
     let base = trial::Base::new(bench, model)?;
-    Ok(base.map_or(f64::INFINITY, |b| b.score.cross_validated / b.rows()))
+    Ok(base.map_or(f64::INFINITY, |b| b.score().cross_validated / b.rows()))
 }
 
 fn whitened(bench: &Workbench, model: &Model) -> Vec<f64> {

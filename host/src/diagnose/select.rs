@@ -1,12 +1,13 @@
 //! Which effects are certainly left out: forward selection with re-examination.
 
 use super::trial::{Base, Gain, Trial};
-use crate::effects;
+use crate::effects::{self, Path};
 use crate::error::Result;
 use crate::fit;
 use crate::identify::Workbench;
 use crate::model::Model;
 use crate::recording::Recording;
+use crate::scan;
 use crate::system;
 
 /// Share by which the cross-validated squared error must fall: 10 % of the RMS error. Reversals and coloured noise
@@ -74,10 +75,12 @@ pub(super) fn select(
 /// The model with the effect of a trial, started from the trial's inner parameter.
 pub(super) fn with_trial(model: &Model, trial: &Trial) -> Model {
     let mut next = model.with_effect(trial.effect);
-    if let (Some(k), Some(term)) = (trial.effect.inner(), next.terms.last_mut()) {
-        // A value with an error marks a start that the scan need not repeat.
-        term.parameters[k].value = Some(trial.inner);
-        term.parameters[k].se = Some(f64::INFINITY);
+    if let Some(term) = next.terms.last_mut() {
+        scan::set_inner(term, trial.inner);
+        if let Some(k) = trial.effect.inner() {
+            // A value with an error marks a start that the scan need not repeat.
+            term.parameters[k].se = Some(f64::INFINITY);
+        }
     }
     next
 }
@@ -89,10 +92,10 @@ fn passes(trial: &Trial) -> bool {
 /// Every effect not yet in the model, tried on it; best first.
 fn trials(base: &Base, model: &Model, excluded: &[&str]) -> Result<Vec<Trial>> {
     let mut trials = Vec::new();
-    for &effect in effects::ALL
-        .iter()
-        .filter(|e| e.applies(model.motion) && !model.has(e.id()) && !excluded.contains(&e.id()))
-    {
+    let given = model.given();
+    for &effect in effects::ALL.iter().filter(|e| {
+        e.unsuited(given).is_none() && !model.has(e.id()) && !excluded.contains(&e.id())
+    }) {
         trials.extend(base.attempt(effect)?);
     }
     trials.sort_by(|a, b| b.delta_bic.total_cmp(&a.delta_bic));
@@ -242,6 +245,6 @@ fn smallest(bench: &Workbench) -> f64 {
 fn relative_residual(bench: &Workbench, model: &Model) -> f64 {
     let rms = |x: &[f64]| (x.iter().map(|x| x * x).sum::<f64>() / x.len().max(1) as f64).sqrt();
     let scale = system::torque_scale(&bench.problem, model).abs();
-    let drive = model.gain.value.unwrap_or(1.0).abs() * rms(&bench.problem.input(0.0));
+    let drive = model.gain.value.unwrap_or(1.0).abs() * rms(&bench.problem.input(&Path::default()));
     scale * rms(&system::residual(&bench.problem, model)) / drive.max(f64::MIN_POSITIVE)
 }

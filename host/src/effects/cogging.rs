@@ -17,15 +17,10 @@
 //! # References
 //! D. Hanselman, Brushless Permanent Magnet Motor Design, 2006, ch. 5.
 
-use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Spec, Survey};
+use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Scale, Spec, Survey, periodicities};
 use crate::format::{quantity, shortest};
 
 pub(super) struct Cogging;
-
-/// Most periods per turn that are tried.
-const MOST_PER_TURN: u32 = 120;
-/// Most periods within the travel of a linear axis that are tried.
-const MOST_IN_TRAVEL: f64 = 120.0;
 
 impl Effect for Cogging {
     fn id(&self) -> &'static str {
@@ -75,23 +70,16 @@ impl Effect for Cogging {
         Some(2)
     }
     fn grid(&self, survey: &Survey) -> Vec<f64> {
-        match survey.motion {
-            // One period a turn is gravity, and only a whole number of periods closes on itself.
-            Motion::Rotary => (2..=MOST_PER_TURN).map(f64::from).collect(),
-            Motion::Linear => {
-                // Two frequencies are told apart by half a period over the travel; a third of that scans safely.
-                let travel = (survey.travel.1 - survey.travel.0).max(f64::MIN_POSITIVE);
-                (6..=(3.0 * MOST_IN_TRAVEL) as u32).map(|k| f64::from(k) / (3.0 * travel)).collect()
-            }
-        }
+        // One period a turn is gravity.
+        periodicities(survey, 2)
     }
     fn basis(&self, inner: Inner, at: Point, out: &mut [f64]) {
         (out[0], out[1]) = (inner[0] * at.angle).sin_cos();
     }
-    fn named(&self, inner: Inner, c: &[f64], _coulomb: f64) -> Vec<f64> {
+    fn named(&self, inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
         vec![c[0].hypot(c[1]), c[1].atan2(c[0]), inner[0]]
     }
-    fn linear(&self, p: &[f64], _coulomb: f64) -> (Inner, Vec<f64>) {
+    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
         ([p[2], 0.0], vec![p[0] * p[1].cos(), p[0] * p[1].sin()])
     }
 }

@@ -17,7 +17,7 @@
 //! # References
 //! K. J. Åström, B. Wittenmark, Computer-Controlled Systems, 1997, ch. 3 (delay under a zero-order hold).
 
-use super::{Confusion, Effect, Inner, Motion, Quantity, Spec, Survey};
+use super::{Confusion, Effect, Inner, Motion, Path, Quantity, Scale, Seat, Spec, Survey};
 use crate::format::quantity;
 
 pub(super) struct Delay;
@@ -49,6 +49,9 @@ impl Effect for Delay {
             quantity(1e3 * p[0], "ms")
         )
     }
+    fn seat(&self) -> Seat {
+        Seat::Input
+    }
     fn width(&self) -> usize {
         0
     }
@@ -60,17 +63,17 @@ impl Effect for Delay {
         let most = survey.half_width.max(8.0 * survey.period);
         super::geometric(0.25 * survey.period, most, 24)
     }
-    fn named(&self, inner: Inner, _c: &[f64], _coulomb: f64) -> Vec<f64> {
+    fn named(&self, inner: Inner, _c: &[f64], _scale: Scale) -> Vec<f64> {
         vec![inner[0]]
     }
-    fn linear(&self, p: &[f64], _coulomb: f64) -> (Inner, Vec<f64>) {
+    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
         ([p[0], 0.0], Vec::new())
     }
     fn admissible(&self, _c: &[f64]) -> bool {
         true
     }
-    fn delay(&self, p: &[f64]) -> f64 {
-        p[0]
+    fn transmit(&self, p: &[f64], path: &mut Path) {
+        path.delay += p[0];
     }
 }
 

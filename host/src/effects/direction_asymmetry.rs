@@ -20,7 +20,7 @@
 //! # References
 //! A. Janot, M. Gautier, M. Brunot, Data Set and Reference Models of EMPS, 2019, eq. 1 (the offset).
 
-use super::{Confusion, Derived, Effect, FREE, Inner, Motion, Point, Quantity, Spec};
+use super::{Confusion, Derived, Effect, FREE, Inner, Motion, Point, Quantity, Scale, Spec};
 use crate::format::quantity;
 
 pub(super) struct DirectionAsymmetry;
@@ -56,10 +56,10 @@ impl Effect for DirectionAsymmetry {
     fn basis(&self, _inner: Inner, _at: Point, out: &mut [f64]) {
         out[0] = 1.0;
     }
-    fn named(&self, _inner: Inner, c: &[f64], _coulomb: f64) -> Vec<f64> {
+    fn named(&self, _inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
         c.to_vec()
     }
-    fn linear(&self, p: &[f64], _coulomb: f64) -> (Inner, Vec<f64>) {
+    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
         (FREE, p.to_vec())
     }
     fn derived(&self) -> &'static [Derived] {

@@ -17,7 +17,7 @@
 //! # References
 //! B. Siciliano et al., Robotics: Modelling, Planning and Control, 2009, ch. 7 (gravity terms).
 
-use super::{Confusion, Effect, FREE, Inner, Motion, Point, Quantity, Spec};
+use super::{Confusion, Effect, Given, FREE, Inner, Motion, Point, Quantity, Scale, Spec};
 use crate::format::quantity;
 use std::f64::consts::{PI, TAU};
 
@@ -64,8 +64,9 @@ impl Effect for Gravity {
             quantity(rest, Quantity::Phase.unit(motion))
         )
     }
-    fn applies(&self, motion: Motion) -> bool {
-        motion == Motion::Rotary
+    fn unsuited(&self, axis: Given) -> Option<&'static str> {
+        (axis.motion == Motion::Linear)
+            .then_some("an unbalance turns; on a linear axis the weight is a constant force, direction-asymmetry")
     }
     fn width(&self) -> usize {
         2
@@ -73,10 +74,10 @@ impl Effect for Gravity {
     fn basis(&self, _inner: Inner, at: Point, out: &mut [f64]) {
         (out[0], out[1]) = at.q.sin_cos();
     }
-    fn named(&self, _inner: Inner, c: &[f64], _coulomb: f64) -> Vec<f64> {
+    fn named(&self, _inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
         vec![c[0].hypot(c[1]), c[1].atan2(c[0])]
     }
-    fn linear(&self, p: &[f64], _coulomb: f64) -> (Inner, Vec<f64>) {
+    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
         (FREE, vec![p[0] * p[1].cos(), p[0] * p[1].sin()])
     }
 }

@@ -16,7 +16,7 @@
 //! # References
 //! G. Duffing, Erzwungene Schwingungen bei veränderlicher Eigenfrequenz, 1918.
 
-use super::{Confusion, Effect, FREE, Inner, Motion, Point, Quantity, Spec};
+use super::{Confusion, Effect, FREE, Inner, Motion, Point, Quantity, Scale, Spec};
 use crate::format::quantity;
 
 pub(super) struct HardeningSpring;
@@ -66,10 +66,10 @@ impl Effect for HardeningSpring {
         out[0] = at.q;
         out[1] = at.q * at.q * at.q;
     }
-    fn named(&self, _inner: Inner, c: &[f64], _coulomb: f64) -> Vec<f64> {
+    fn named(&self, _inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
         c.to_vec()
     }
-    fn linear(&self, p: &[f64], _coulomb: f64) -> (Inner, Vec<f64>) {
+    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
         (FREE, p.to_vec())
     }
     fn admissible(&self, c: &[f64]) -> bool {

@@ -4,154 +4,72 @@
 //! bounds, its doc and its test. A new effect is a new file and one line in the list below; `identify`,
 //! `diagnose`, `simulate`, `explain` and the tests pick it up from there.
 //!
-//! An effect is a torque (or force) that resists motion, linear in its coefficients for a given *inner* parameter:
-//! `τ = Σⱼ cⱼ·bⱼ(inner; t, q, v, s)`. The inner parameter (a Stribeck velocity, a delay, …) is scanned.
+//! Most effects are a torque (or force) that resists motion, linear in its coefficients for given *inner* parameters:
+//! `τ = Σⱼ cⱼ·bⱼ(inner; t, q, v, s, u)`. Others sit elsewhere in the equation of motion: see [`Seat`]. Inner parameters (a
+//! Stribeck velocity, a delay, the instants of a load step, …) are scanned: see [`Search`].
+
+mod path;
+mod point;
+mod quantity;
+
+pub use path::Path;
+pub use point::{Given, Moment, Point, Scale, Survey};
+pub use quantity::{Quantity, Spec};
 
 use crate::motion::Motion;
 
-/// An instant of the motion, as an effect sees it.
-#[derive(Clone, Copy, Debug)]
-pub struct Point {
-    /// Position, rad or m.
-    pub q: f64,
-    /// Velocity, rad/s or m/s.
-    pub v: f64,
-    /// `2π` times turns (rotary: the position itself) or metres: what periodic effects count in.
-    pub angle: f64,
-    /// Direction of sliding, −1 to 1; a mean over the sampling interval where it changes inside. Under bristles, their
-    /// force over its level, which follows the direction as far as they yield.
-    pub s: f64,
-    /// Rate of the bristles' deflection, rad/s or m/s; zero without bristles.
-    pub bending: f64,
-}
-
-impl Point {
-    /// The point of an axis that moves by `motion`.
-    pub fn new(motion: Motion, q: f64, v: f64, s: f64) -> Self {
-        let angle = if motion == Motion::Rotary {
-            q
-        } else {
-            std::f64::consts::TAU * q
-        };
-        Self {
-            q,
-            v,
-            angle,
-            s,
-            bending: 0.0,
-        }
-    }
-}
-
-/// What the recordings at hand cover: the ground on which inner parameters are scanned.
-#[derive(Clone, Copy, Debug)]
-pub struct Survey {
-    /// Rotary or linear.
-    pub motion: Motion,
-    /// Sampling interval, s.
-    pub period: f64,
-    /// Half-width of the test functions, s.
-    pub half_width: f64,
-    /// Speed that 98 % of the samples stay below.
-    pub top_speed: f64,
-    /// Speed below which the sign of the measured velocity is in doubt.
-    pub slow: f64,
-    /// Smallest and largest position.
-    pub travel: (f64, f64),
-    /// Standard deviation of the position noise.
-    pub position_noise: f64,
-    /// Coulomb level, as far as it is known; zero before anything is.
-    pub coulomb: f64,
-}
-
-/// What a parameter measures; the unit follows from it and from the motion.
+/// Where an effect sits in the equation of motion `J·q̈ = k·u − τ`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Quantity {
-    /// kg·m² or kg.
-    Inertia,
-    /// Torque or force per unit of `u`.
-    Gain,
-    /// N·m or N.
+pub enum Seat {
+    /// In `τ`, by [`Effect::basis`].
     Torque,
-    /// Torque or force per speed.
-    Viscous,
-    /// Torque or force per squared speed.
-    Quadratic,
-    /// Torque or force per speed to a power below one.
-    PowerLaw,
-    /// Torque or force per displacement.
-    Stiffness,
-    /// Torque or force per cubed displacement.
-    Cubic,
-    /// rad/s or m/s.
-    Speed,
-    /// rad or m.
-    Position,
-    /// rad.
-    Phase,
-    /// Periods per turn or per metre.
-    Periodicity,
-    /// s.
-    Time,
-    /// A pure number.
-    Number,
+    /// In `u`, by [`Effect::transmit`].
+    Input,
+    /// In the measured `q`, by [`Effect::error`].
+    Sensor,
+    /// In a load behind the measured side, by [`Effect::load`]: its coefficient is the part of `J` that hangs there.
+    Load,
+    /// In `J`: its first parameter takes the place of the inertia that the model gives.
+    Inertia,
 }
 
-impl Quantity {
-    /// Whether only whole numbers make sense: what repeats within a turn closes on itself.
-    pub fn is_whole(self, motion: Motion) -> bool {
-        self == Self::Periodicity && motion == Motion::Rotary
-    }
-
-    /// The SI unit on an axis of this motion.
-    pub fn unit(self, motion: Motion) -> &'static str {
-        let (rotary, linear) = match self {
-            Self::Inertia => ("kg*m^2", "kg"),
-            Self::Torque => ("N*m", "N"),
-            Self::Viscous => ("N*m*s/rad", "N*s/m"),
-            Self::Quadratic => ("N*m*s^2/rad^2", "N*s^2/m^2"),
-            Self::PowerLaw => ("N*m*(s/rad)^exponent", "N*(s/m)^exponent"),
-            Self::Stiffness => ("N*m/rad", "N/m"),
-            Self::Cubic => ("N*m/rad^3", "N/m^3"),
-            Self::Speed => ("rad/s", "m/s"),
-            Self::Position => ("rad", "m"),
-            Self::Phase => ("rad", "rad"),
-            Self::Periodicity => ("1/turn", "1/m"),
-            Self::Time => ("s", "s"),
-            Self::Gain | Self::Number => ("1", "1"),
-        };
-        if motion == Motion::Rotary {
-            rotary
-        } else {
-            linear
-        }
-    }
+/// How inner parameters are found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Search {
+    /// Each value of [`Effect::grid`] is tried, and the best refined between its neighbours.
+    Grid,
+    /// Both inner parameters are instants: the ends of the interval in time in which the effect acts.
+    Interval,
+    /// The inner parameter is a frequency in time, in Hz, of a sine and a cosine.
+    Line,
 }
 
-/// One parameter of an effect.
+/// What joins a load to the measured side: a spring and a damper, beyond a gap if there is one.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Spec {
-    /// Name in the model file and in the JSON.
-    pub name: &'static str,
-    /// What it measures.
-    pub quantity: Quantity,
-    /// Values that physics allows.
-    pub bounds: (f64, f64),
+pub struct Coupling {
+    /// Inertia of the load, kg·m² or kg.
+    pub inertia: f64,
+    /// Torque or force per displacement.
+    pub stiffness: f64,
+    /// Torque or force per speed.
+    pub damping: f64,
+    /// Displacement in all within which nothing joins them, rad or m.
+    pub gap: f64,
 }
 
-impl Spec {
-    /// A parameter of any sign and size.
-    const fn new(name: &'static str, quantity: Quantity) -> Self {
-        Self::within(name, quantity, (f64::NEG_INFINITY, f64::INFINITY))
-    }
-
-    /// A parameter within bounds.
-    const fn within(name: &'static str, quantity: Quantity, bounds: (f64, f64)) -> Self {
-        Self {
-            name,
-            quantity,
-            bounds,
+impl Coupling {
+    /// What drives the load while it is ahead by `y` and moves ahead at `rate`.
+    pub fn torque(&self, y: f64, rate: f64) -> f64 {
+        let beyond = y - y.clamp(-0.5 * self.gap, 0.5 * self.gap);
+        if self.gap == 0.0 {
+            return -self.stiffness * y - self.damping * rate;
         }
+        if beyond == 0.0 {
+            return 0.0;
+        }
+        // The wall at an end pushes and does not pull.
+        let push = self.stiffness * beyond.abs() + self.damping * rate * beyond.signum();
+        -push.max(0.0) * beyond.signum()
     }
 }
 
@@ -164,7 +82,7 @@ pub struct Confusion {
     pub tell_apart_by: &'static str,
 }
 
-/// Parameters on which an effect depends nonlinearly: the scanned one and, where there is one, a shape.
+/// Parameters on which an effect depends nonlinearly: the scanned one and, where there is one, a second.
 pub type Inner = [f64; 2];
 
 /// The inner parameters of an effect that has none.
@@ -185,9 +103,25 @@ pub trait Effect: Sync {
     /// One sentence that a person can act on, from the estimated parameters.
     fn sentence(&self, parameters: &[f64], motion: Motion) -> String;
 
-    /// Whether the effect exists on an axis of this motion.
-    fn applies(&self, _motion: Motion) -> bool {
-        true
+    /// Why the effect cannot be told on such an axis, if it cannot: what follows "because".
+    fn unsuited(&self, _axis: Given) -> Option<&'static str> {
+        None
+    }
+    /// Where it sits in the equation of motion.
+    fn seat(&self) -> Seat {
+        Seat::Torque
+    }
+    /// Whether its torque depends on the input.
+    fn driven(&self) -> bool {
+        false
+    }
+    /// Whether its torque depends on time.
+    fn timed(&self) -> bool {
+        false
+    }
+    /// How its inner parameters are found.
+    fn search(&self) -> Search {
+        Search::Grid
     }
     /// Number of linear coefficients.
     fn width(&self) -> usize {
@@ -197,7 +131,8 @@ pub trait Effect: Sync {
     fn inner(&self) -> Option<usize> {
         None
     }
-    /// Which parameter is a shape that is only refined, if any, and the value it starts from.
+    /// Which parameter is a second inner one, if any, and the value that it has where nothing says otherwise; without a
+    /// search of its own it is only refined.
     fn shape(&self) -> Option<(usize, f64)> {
         None
     }
@@ -207,10 +142,23 @@ pub trait Effect: Sync {
     }
     /// The resisting torque of each unit coefficient, into `out` (length [`Effect::width`]).
     fn basis(&self, _inner: Inner, _at: Point, _out: &mut [f64]) {}
+    /// What the effect does to the way of the input, for named parameters.
+    fn transmit(&self, _parameters: &[f64], _path: &mut Path) {}
+    /// The error of the measured position `q` of each unit coefficient, and its slope over `q`, into `out`.
+    fn error(&self, _q: f64, _out: &mut [(f64, f64)]) {}
+    /// Where a load that the measured motion carries along stands at every sample, relative to the measured position `q`;
+    /// `v` is the smoothed velocity.
+    fn load(&self, _inner: Inner, _q: &[f64], _v: &[f64], _period: f64) -> Vec<f64> {
+        Vec::new()
+    }
+    /// What the load hangs on, for simulation.
+    fn coupling(&self, _parameters: &[f64]) -> Option<Coupling> {
+        None
+    }
     /// Named parameters from the linear solution.
-    fn named(&self, inner: Inner, coefficients: &[f64], coulomb: f64) -> Vec<f64>;
-    /// The linear solution from named parameters: inner parameter and coefficients.
-    fn linear(&self, parameters: &[f64], coulomb: f64) -> (Inner, Vec<f64>);
+    fn named(&self, inner: Inner, coefficients: &[f64], scale: Scale) -> Vec<f64>;
+    /// The linear solution from named parameters: inner parameters and coefficients.
+    fn linear(&self, parameters: &[f64], scale: Scale) -> (Inner, Vec<f64>);
     /// Whether physics allows these coefficients.
     fn admissible(&self, _coefficients: &[f64]) -> bool {
         true
@@ -218,10 +166,6 @@ pub trait Effect: Sync {
     /// Stiffness of bristles between the surfaces, through which all friction then acts; `None` for a stiff contact.
     fn bristle_stiffness(&self, _parameters: &[f64]) -> Option<f64> {
         None
-    }
-    /// How much later than recorded the input acts, in seconds.
-    fn delay(&self, _parameters: &[f64]) -> f64 {
-        0.0
     }
     /// Further quantities worth reporting with a finding: name, quantity, value as a function of all that is
     /// needed (own parameters, Coulomb, viscous).
@@ -239,15 +183,6 @@ pub struct Derived {
     pub quantity: Quantity,
     /// Weights of the effect's first parameter, of Coulomb and of viscous friction.
     pub weights: [f64; 3],
-}
-
-/// An effect of the catalogue that this version does not diagnose yet.
-#[derive(Clone, Copy, Debug)]
-pub struct Planned {
-    /// The stable id.
-    pub id: &'static str,
-    /// What it is.
-    pub summary: &'static str,
 }
 
 /// Declares the modules of the catalogue and lists them.
@@ -271,6 +206,19 @@ catalogue! {
     cogging::Cogging,
     delay::Delay,
     presliding::Presliding,
+    torque_ripple::TorqueRipple,
+    load_step::LoadStep,
+    periodic_disturbance::PeriodicDisturbance,
+    thermal_drift::ThermalDrift,
+    position_dependent_friction::PositionDependentFriction,
+    load_dependent_friction::LoadDependentFriction,
+    inertia_mismatch::InertiaMismatch,
+    saturation::Saturation,
+    input_dead_zone::InputDeadZone,
+    actuator_lag::ActuatorLag,
+    sensor_eccentricity::SensorEccentricity,
+    backlash::Backlash,
+    compliance::Compliance,
 }
 
 /// What friction laws with bristles are made of, beside the effects of the catalogue.
@@ -321,27 +269,37 @@ pub fn tell_apart(one: &dyn Effect, other: &dyn Effect) -> String {
         })
 }
 
-macro_rules! planned {
-    ($($id:literal : $summary:literal),* $(,)?) => {
-        /// Effects that have an id but are not diagnosed yet.
-        pub const PLANNED: &[Planned] = &[$(Planned { id: $id, summary: $summary }),*];
-    };
+/// Most periods per turn that are tried.
+const MOST_PER_TURN: u32 = 120;
+/// Most periods within the travel of a linear axis that are tried.
+const MOST_IN_TRAVEL: u32 = 120;
+
+/// Periods per turn, whole numbers from `first` on, or per metre, as far as the travel tells them apart.
+fn periodicities(survey: &Survey, first: u32) -> Vec<f64> {
+    match survey.motion {
+        // Only a whole number of periods closes on itself.
+        Motion::Rotary => (first..=MOST_PER_TURN).map(f64::from).collect(),
+        Motion::Linear => {
+            // Two frequencies are told apart by half a period over the travel; a third of that scans safely.
+            let travel = (survey.travel.1 - survey.travel.0).max(f64::MIN_POSITIVE);
+            (6..=3 * MOST_IN_TRAVEL)
+                .map(|k| f64::from(k) / (3.0 * travel))
+                .collect()
+        }
+    }
 }
 
-planned! {
-    "load-dependent-friction": "friction that grows with the transmitted torque",
-    "position-dependent-friction": "friction level that varies with position",
-    "thermal-drift": "friction that changes over the run as the axis warms",
-    "torque-ripple": "drive gain periodic in position: torque ripple in proportion to u",
-    "backlash": "lost motion between the driven and the measured side",
-    "compliance": "elastic transmission: a resonance between motor and load",
-    "actuator-lag": "first-order lag between u and torque (electrical time constant)",
-    "saturation": "torque limited at large u",
-    "input-dead-zone": "small u produces no torque (inverter dead time, amplifier dead band)",
-    "inertia-mismatch": "inertia given as known is wrong",
-    "sensor-eccentricity": "measured position has a once-per-turn error",
-    "periodic-disturbance": "external torque periodic in time",
-    "load-step": "external torque that switches on or off at some instant",
+/// Why an axis cannot show what hangs on it, if it cannot.
+fn undriven(axis: Given) -> Option<&'static str> {
+    (!axis.driven).then_some(
+        "under causality = \"inverse\" the motion is imposed, and what hangs behind it answers to nothing else",
+    )
+}
+
+/// Why an axis cannot show that its input is cut, if it cannot.
+fn uncut(axis: Given) -> Option<&'static str> {
+    (!axis.driven)
+        .then_some("under causality = \"inverse\" the input is a reaction, which nothing cuts")
 }
 
 /// `count` values from `low` to `high`, equal ratios apart.
@@ -351,154 +309,4 @@ fn geometric(low: f64, high: f64, count: usize) -> Vec<f64> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::{ALL, Motion, PLANNED, Point, find, section, tell_apart};
-
-    #[test]
-    fn the_catalogue_has_the_24_ids_once_each() {
-        let mut ids: Vec<&str> = ALL
-            .iter()
-            .map(|e| e.id())
-            .chain(PLANNED.iter().map(|p| p.id))
-            .collect();
-        ids.sort_unstable();
-        ids.dedup();
-        assert_eq!(ids.len(), 24);
-        assert!(find("stribeck").is_some() && find("backlash").is_none());
-    }
-
-    #[test]
-    fn sections_of_the_documentation_are_found() {
-        assert_eq!(
-            section("//! # A\n//! b\n//! c\n//! # D\n", "A").unwrap(),
-            "b c"
-        );
-        assert!(section("//! # A\n", "B").is_none());
-    }
-
-    #[test]
-    fn any_two_effects_can_be_told_apart() {
-        for one in ALL {
-            for other in ALL.iter().filter(|o| o.id() != one.id()) {
-                let text = tell_apart(*one, *other);
-                assert!(text.len() > 30 && !text.contains("//!"), "{text}");
-            }
-        }
-    }
-
-    #[test]
-    fn every_doc_has_the_fixed_headings() {
-        for effect in ALL {
-            for heading in [
-                "What it is",
-                "What it looks like in a recording",
-                "What excites it",
-                "Confused with",
-                "Example",
-                "References",
-            ] {
-                assert!(
-                    effect.doc().contains(&format!("//! # {heading}\n")),
-                    "{}: {heading}",
-                    effect.id()
-                );
-            }
-        }
-    }
-
-    #[test]
-    fn named_and_linear_parameters_are_inverse_to_each_other() {
-        for effect in ALL {
-            let named: Vec<f64> = (0..effect.parameters().len())
-                .map(|k| 0.7 + 0.2 * k as f64)
-                .collect();
-            let (inner, coefficients) = effect.linear(&named, 0.3);
-            assert_eq!(coefficients.len(), effect.width());
-            let again = effect.named(inner, &coefficients, 0.3);
-            assert!(
-                named.iter().zip(&again).all(|(a, b)| (a - b).abs() < 1e-12),
-                "{}: {named:?} {again:?}",
-                effect.id()
-            );
-        }
-    }
-
-    #[test]
-    fn sentences_read_well_for_tiny_and_huge_numbers() {
-        let exponent = |text: &str| {
-            let bytes = text.as_bytes();
-            bytes.windows(3).any(|w| {
-                w[0].is_ascii_digit() && w[1] == b'e' && (w[2] == b'-' || w[2].is_ascii_digit())
-            })
-        };
-        assert!(exponent("3.644e-1 N*m") && !exponent("0.364 N·m"));
-        for effect in ALL {
-            for size in [1.234_567e-9, 0.364_4, -0.364_4, 8.043_21e7] {
-                for motion in [Motion::Rotary, Motion::Linear] {
-                    let text = effect.sentence(&vec![size; effect.parameters().len()], motion);
-                    let digits = text.split(|c: char| !c.is_ascii_digit() && c != '.');
-                    assert!(
-                        !exponent(&text)
-                            && !text.contains('*')
-                            && text.ends_with('.')
-                            && digits.clone().all(|d| d.len() <= 8),
-                        "{}: {text}",
-                        effect.id()
-                    );
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn a_sentence_has_three_digits_and_a_printed_unit() {
-        let text = find("stribeck")
-            .unwrap()
-            .sentence(&[0.364_4, 0.481_6, 1.39], Motion::Rotary);
-        assert!(
-            text.starts_with(
-                "Friction rises to 0.364 N·m towards zero speed, below about 0.482 rad/s:"
-            ),
-            "{text}"
-        );
-        let text = find("gravity")
-            .unwrap()
-            .sentence(&[0.2, 0.01], Motion::Rotary);
-        assert!(text.contains("towards q = −0.0100 rad"), "{text}");
-    }
-
-    #[test]
-    fn confusions_name_effects_of_the_catalogue() {
-        for effect in ALL {
-            for confusion in effect.confusions() {
-                let known =
-                    find(confusion.id).is_some() || PLANNED.iter().any(|p| p.id == confusion.id);
-                assert!(
-                    known && confusion.id != effect.id(),
-                    "{} and {}",
-                    effect.id(),
-                    confusion.id
-                );
-            }
-        }
-    }
-
-    #[test]
-    fn dissipative_effects_oppose_motion() {
-        for id in ["stribeck", "quadratic-drag", "power-law-viscous"] {
-            let effect = find(id).unwrap();
-            for v in [-2.0, -0.1, 0.1, 2.0_f64] {
-                let mut b = [0.0];
-                effect.basis(
-                    [0.5, 2.0],
-                    Point::new(Motion::Linear, 0.3, v, v.signum()),
-                    &mut b,
-                );
-                assert!(
-                    b[0] * v > 0.0 && effect.applies(Motion::Linear),
-                    "{id} at {v}"
-                );
-            }
-        }
-    }
-}
+mod tests;

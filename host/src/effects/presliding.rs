@@ -23,7 +23,7 @@
 //! P. R. Dahl, A solid friction model, 1968; C. Canudas de Wit, H. Olsson, K. J. Åström and P. Lischinsky, A new model for
 //! control of systems with friction, IEEE TAC 40(3), 1995.
 
-use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Spec, Survey, geometric};
+use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Scale, Spec, Survey, geometric};
 use crate::format::quantity;
 
 /// The effect of the catalogue; under a law without bristles of its own it turns Coulomb friction into the simplified
@@ -109,10 +109,10 @@ impl Effect for Presliding {
     fn grid(&self, survey: &Survey) -> Vec<f64> {
         stiffnesses(survey)
     }
-    fn named(&self, inner: Inner, _c: &[f64], _coulomb: f64) -> Vec<f64> {
+    fn named(&self, inner: Inner, _c: &[f64], _scale: Scale) -> Vec<f64> {
         vec![inner[0]]
     }
-    fn linear(&self, p: &[f64], _coulomb: f64) -> (Inner, Vec<f64>) {
+    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
         ([p[0], 0.0], Vec::new())
     }
     fn bristle_stiffness(&self, p: &[f64]) -> Option<f64> {
@@ -154,10 +154,10 @@ impl Effect for Bristles {
             out[0] = at.bending;
         }
     }
-    fn named(&self, inner: Inner, c: &[f64], _coulomb: f64) -> Vec<f64> {
+    fn named(&self, inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
         [&inner[..1], c].concat()
     }
-    fn linear(&self, p: &[f64], _coulomb: f64) -> (Inner, Vec<f64>) {
+    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
         ([p[0], 0.0], p[1..].to_vec())
     }
     fn admissible(&self, c: &[f64]) -> bool {

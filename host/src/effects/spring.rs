@@ -17,7 +17,7 @@
 //! # References
 //! B. Armstrong-Hélouvry, Control of Machines with Friction, 1991 (mass-spring system with friction).
 
-use super::{Confusion, Effect, FREE, Inner, Motion, Point, Quantity, Spec};
+use super::{Confusion, Effect, FREE, Inner, Motion, Point, Quantity, Scale, Spec};
 use crate::format::quantity;
 
 pub(super) struct Spring;
@@ -58,10 +58,10 @@ impl Effect for Spring {
     fn basis(&self, _inner: Inner, at: Point, out: &mut [f64]) {
         out[0] = at.q;
     }
-    fn named(&self, _inner: Inner, c: &[f64], _coulomb: f64) -> Vec<f64> {
+    fn named(&self, _inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
         c.to_vec()
     }
-    fn linear(&self, p: &[f64], _coulomb: f64) -> (Inner, Vec<f64>) {
+    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
         (FREE, p.to_vec())
     }
     fn admissible(&self, c: &[f64]) -> bool {

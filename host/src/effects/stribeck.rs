@@ -23,7 +23,7 @@
 
 use bristle_core::friction::Curve;
 
-use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Spec, Survey, geometric};
+use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Scale, Spec, Survey, geometric};
 use crate::format::quantity;
 
 /// Exponent of the curve in the friction laws.
@@ -93,11 +93,11 @@ impl Effect for Stribeck {
         };
         out[0] = at.s * decay;
     }
-    fn named(&self, inner: Inner, c: &[f64], coulomb: f64) -> Vec<f64> {
-        vec![coulomb + c[0], inner[0], inner[1]]
+    fn named(&self, inner: Inner, c: &[f64], scale: Scale) -> Vec<f64> {
+        vec![scale.coulomb + c[0], inner[0], inner[1]]
     }
-    fn linear(&self, p: &[f64], coulomb: f64) -> (Inner, Vec<f64>) {
-        ([p[1], p[2]], vec![p[0] - coulomb])
+    fn linear(&self, p: &[f64], scale: Scale) -> (Inner, Vec<f64>) {
+        ([p[1], p[2]], vec![p[0] - scale.coulomb])
     }
     fn admissible(&self, c: &[f64]) -> bool {
         c[0] > 0.0
@@ -140,11 +140,11 @@ impl Effect for Fixed {
     fn basis(&self, inner: Inner, at: Point, out: &mut [f64]) {
         out[0] = at.s * self.0.decay(at.v / inner[0]);
     }
-    fn named(&self, inner: Inner, c: &[f64], coulomb: f64) -> Vec<f64> {
-        vec![coulomb + c[0], inner[0]]
+    fn named(&self, inner: Inner, c: &[f64], scale: Scale) -> Vec<f64> {
+        vec![scale.coulomb + c[0], inner[0]]
     }
-    fn linear(&self, p: &[f64], coulomb: f64) -> (Inner, Vec<f64>) {
-        ([p[1], 0.0], vec![p[0] - coulomb])
+    fn linear(&self, p: &[f64], scale: Scale) -> (Inner, Vec<f64>) {
+        ([p[1], 0.0], vec![p[0] - scale.coulomb])
     }
     fn admissible(&self, c: &[f64]) -> bool {
         Stribeck.admissible(c)

@@ -7,7 +7,7 @@ use toml_edit::{DocumentMut, Item, Table, TableLike, value};
 use super::kind::{Default, Spec};
 use super::place::{self, Problem, at};
 use super::{Causality, Columns, Constant, Kind, Law, Model, Motion, Parameter, Term};
-use crate::effects::{self, Effect};
+use crate::effects::{self, Effect, Given};
 use crate::error::{Error, Result};
 
 impl Model {
@@ -112,11 +112,12 @@ impl Model {
                 .as_str()
                 .ok_or_else(|| at("name", "name must be text in quotes"))?,
         };
-        terms.extend(effect_terms(
-            section(&document, "effects")?,
+        let axis = Given {
             motion,
-            &terms,
-        )?);
+            driven: causality == Causality::Forward,
+            inertia: inertia.known && gain.known,
+        };
+        terms.extend(effect_terms(section(&document, "effects")?, axis, &terms)?);
         Ok(Self {
             name: name.to_owned(),
             motion,
@@ -291,11 +292,7 @@ fn constants(
     Ok(constants)
 }
 
-fn effect_terms(
-    section: Option<&dyn TableLike>,
-    motion: Motion,
-    law: &[Term],
-) -> Checked<Vec<Term>> {
+fn effect_terms(section: Option<&dyn TableLike>, axis: Given, law: &[Term]) -> Checked<Vec<Term>> {
     let Some(section) = section else {
         return Ok(Vec::new());
     };
@@ -311,13 +308,10 @@ fn effect_terms(
                 ),
             ));
         }
-        if !effect.applies(motion) {
+        if let Some(reason) = effect.unsuited(axis) {
             return Err(at(
                 &key,
-                format!(
-                    "[effects.{id}] does not apply to a {} axis; remove the section",
-                    motion.as_str()
-                ),
+                format!("[effects.{id}] does not apply here, because {reason}; remove the section"),
             ));
         }
         let table = item
@@ -351,11 +345,6 @@ fn term(effect: &'static dyn Effect, table: &dyn TableLike) -> Checked<Term> {
 }
 
 fn unknown_effect(id: &str) -> String {
-    if effects::PLANNED.iter().any(|p| p.id == id) {
-        return format!(
-            "[effects.{id}]: this effect is in the catalogue but not in this version yet (see bristle explain {id})"
-        );
-    }
     let ids: Vec<&str> = effects::ALL.iter().map(|e| e.id()).collect();
     format!(
         "[effects.{id}] is not an effect; there are {}",
@@ -527,10 +516,6 @@ mod tests {
         assert!(
             message("[plant]\nmotion = \"rotary\"\n[effects.strybeck]")
                 .contains("is not an effect")
-        );
-        assert!(
-            message("[plant]\nmotion = \"rotary\"\n[effects.backlash]")
-                .contains("not in this version yet")
         );
         assert!(
             message("[plant]\nmotion = \"linear\"\n[effects.gravity]").contains("does not apply")

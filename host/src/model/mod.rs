@@ -13,7 +13,7 @@ pub use bristles::Bristles;
 pub use kind::{Constant, Kind};
 pub use parameter::{Parameter, Status};
 
-use crate::effects::{Effect, Quantity, Spec};
+use crate::effects::{Effect, Given, Quantity, Scale, Seat, Spec};
 pub use crate::motion::Motion;
 
 /// Canonical column name to the name in the recording.
@@ -222,6 +222,13 @@ impl Model {
                 _ => "1",
             };
         }
+        if quantity == Quantity::Input {
+            return match self.input.as_str() {
+                "voltage" => "V",
+                "current" => "A",
+                _ => quantity.unit(self.motion),
+            };
+        }
         quantity.unit(self.motion)
     }
 
@@ -235,6 +242,35 @@ impl Model {
             in_law: false,
         });
         model
+    }
+
+    /// What decides whether an effect can be told on this axis.
+    pub fn given(&self) -> Given {
+        Given {
+            motion: self.motion,
+            driven: self.causality == Causality::Forward,
+            inertia: self.inertia.known && self.gain.known,
+        }
+    }
+
+    /// What the parameters of effects are measured against; zero and one where unknown.
+    pub fn scale(&self) -> Scale {
+        Scale {
+            coulomb: self.coulomb.value.unwrap_or(0.0),
+            gain: self.gain.value.unwrap_or(1.0),
+        }
+    }
+
+    /// The inertia that moves, by its place among [`Model::parameters`]: the given one, or what takes its place.
+    pub fn moving_inertia(&self) -> usize {
+        let mut at = 4;
+        for term in &self.terms {
+            if term.effect.seat() == Seat::Inertia {
+                return at;
+            }
+            at += term.parameters.len();
+        }
+        0
     }
 
     /// Whether an effect is part of the model already.

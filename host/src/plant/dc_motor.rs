@@ -7,6 +7,7 @@
 
 use crate::axis::Axis;
 use crate::axis::Contact;
+use crate::effects::{Moment, Path};
 use crate::error::Result;
 use crate::model::Model;
 use crate::step::{Drive, Mechanism, State};
@@ -46,8 +47,16 @@ impl Mechanism<3> for DcMotor {
     fn inertia(&self) -> f64 {
         self.axis.inertia
     }
-    fn delay(&self) -> f64 {
-        self.axis.delay
+    fn path(&self) -> Path {
+        self.axis.path
+    }
+    fn moment(&self, drive: Drive, x: &[f64; 3]) -> Moment {
+        // What the motor transmits is the torque of its current.
+        let u = self.torque_constant * x[2] / self.axis.gain;
+        Moment {
+            u,
+            ..drive.moment()
+        }
     }
     fn sliding(&self, x: &[f64; 3]) -> State {
         State { q: x[0], v: x[1] }
@@ -67,10 +76,11 @@ impl Mechanism<3> for DcMotor {
         x[1] = 0.0;
     }
     fn measured(&self, x: &[f64; 3]) -> State {
-        self.sliding(x)
+        self.axis.seen(self.sliding(x))
     }
     fn placed(&self, state: State) -> [f64; 3] {
-        [state.q, state.v, 0.0]
+        let truth = self.axis.truth(state);
+        [truth.q, truth.v, 0.0]
     }
     fn pace(&self) -> f64 {
         // The two modes are no faster than their sum and their geometric mean.

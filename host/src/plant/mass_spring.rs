@@ -16,7 +16,7 @@ pub fn mass_spring(model: &Model) -> Result<Axis> {
     let mut axis = Axis::simulated(model)?;
     let spring = effects::find("spring")
         .ok_or_else(|| Error::Internal("the spring effect is not built in".to_owned()))?;
-    let (inner, coefficients) = spring.linear(&[model.constant("plant.stiffness")], 0.0);
+    let (inner, coefficients) = spring.linear(&[model.constant("plant.stiffness")], model.scale());
     axis.contact.push(spring, inner, coefficients);
     Ok(axis)
 }

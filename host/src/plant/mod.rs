@@ -14,11 +14,12 @@ pub use mass_spring::mass_spring;
 pub use wheel_slip::WheelSlip;
 
 use crate::axis::Axis;
-use crate::error::Result;
+use crate::effects::Seat;
+use crate::error::{Error, Result};
 use crate::model::{Kind, Model};
 use crate::recording::Recording;
 use crate::simulate::Hold;
-use crate::step::{Mechanism, Memory, State};
+use crate::step::{Loaded, Mechanism, Memory, State};
 
 /// A mechanism in motion, whatever its equations.
 pub trait Plant {
@@ -29,7 +30,7 @@ pub trait Plant {
     /// Acceleration that a lasting unit of `u` causes, friction and motion aside.
     fn authority(&self) -> f64;
     /// Starts at sample `first` as an encoder would see it so, all that it does not see being at ease.
-    fn start(&mut self, t: &[f64], first: usize, state: State);
+    fn start(&mut self, t: &[f64], u: &[f64], first: usize, state: State);
     /// Advances from instant `t[k]` to `t[k + 1]` under the inputs `u[..=k]` and a load, in N·m or N, that no
     /// recording shows.
     fn advance(&mut self, t: &[f64], u: &[f64], k: usize, load: f64);
@@ -37,13 +38,33 @@ pub trait Plant {
 
 /// The plant that a model file describes, at rest at zero; a message names what is missing or does not fit together.
 pub fn new(model: &Model) -> Result<Box<dyn Plant>> {
+    refuse_loads(model)?;
     Ok(match model.kind {
-        Kind::Axis => Running::new(Axis::simulated(model)?),
+        Kind::Axis => {
+            let axis = Axis::simulated(model)?;
+            match axis.coupling {
+                None => Running::new(axis),
+                Some(coupling) => Running::new(Loaded::new(axis, coupling)),
+            }
+        }
         Kind::MassSpring => Running::new(mass_spring(model)?),
         Kind::DcMotor => Running::new(DcMotor::new(model)?),
         Kind::GearedServo => Running::new(geared_servo(model)?),
         Kind::WheelSlip => Running::new(WheelSlip::new(model)?),
     })
+}
+
+/// Only an axis can carry a load behind its measured side; the other plants have their own.
+fn refuse_loads(model: &Model) -> Result<()> {
+    let mut terms = model.terms.iter();
+    match terms.find(|t| t.effect.seat() == Seat::Load) {
+        Some(term) if model.kind != Kind::Axis => Err(Error::Usage(format!(
+            "[effects.{}] hangs a load on the axis, and plant.kind = {:?} has a mechanism of its own; leave the effect out",
+            term.effect.id(),
+            model.kind.as_str()
+        ))),
+        _ => Ok(()),
+    }
 }
 
 /// A mechanism with what it remembers.
@@ -77,9 +98,9 @@ impl<P: Mechanism<N>, const N: usize> Plant for Running<P, N> {
     fn authority(&self) -> f64 {
         self.mechanism.authority()
     }
-    fn start(&mut self, t: &[f64], first: usize, state: State) {
+    fn start(&mut self, t: &[f64], u: &[f64], first: usize, state: State) {
         self.memory = Memory::at_ease(&self.mechanism, state);
-        self.hold = Hold::at(t, first, self.mechanism.delay());
+        self.hold = Hold::at(t, u, first, &self.mechanism.path());
     }
     fn advance(&mut self, t: &[f64], u: &[f64], k: usize, load: f64) {
         self.memory = self
@@ -101,7 +122,7 @@ pub fn follow(
     (0..t.len())
         .map(|k| {
             if t[k] >= restart - 1e-9 {
-                plant.start(t, k, measured(k));
+                plant.start(t, &recording.u, k, measured(k));
                 restart = t[k] + horizon;
             } else {
                 plant.advance(t, &recording.u, k - 1, 0.0);

@@ -21,6 +21,7 @@
 //! C. Canudas de Wit, P. Tsiotras, Dynamic tire friction models for vehicle traction control, CDC 1999 (`LuGre` at a wheel).
 
 use crate::axis::{Contact, complete};
+use crate::effects::Path;
 use crate::error::{Error, Result};
 use crate::model::Model;
 use crate::step::{Drive, Mechanism, State};
@@ -31,7 +32,7 @@ pub struct WheelSlip {
     adhesion: Contact,
     shaft: Contact,
     gain: f64,
-    delay: f64,
+    path: Path,
     drive: f64,
     wheel: f64,
     vehicle: f64,
@@ -58,8 +59,10 @@ impl WheelSlip {
             adhesion: Contact::law(model),
             shaft,
             gain: model.gain.value.unwrap_or_default(),
-            delay: system::delay(model),
-            drive: model.inertia.value.unwrap_or_default(),
+            path: system::path(model),
+            drive: model.parameters()[model.moving_inertia()]
+                .value
+                .unwrap_or_default(),
             wheel: constant("wheel_mass"),
             vehicle: constant("vehicle_mass"),
             stiffness: constant("axle_stiffness"),
@@ -81,8 +84,8 @@ impl Mechanism<5> for WheelSlip {
     fn inertia(&self) -> f64 {
         1.0 / (1.0 / self.wheel + 1.0 / self.vehicle)
     }
-    fn delay(&self) -> f64 {
-        self.delay
+    fn path(&self) -> Path {
+        self.path
     }
     fn sliding(&self, x: &[f64; 5]) -> State {
         State {
@@ -95,7 +98,10 @@ impl Mechanism<5> for WheelSlip {
     }
     fn rate(&self, drive: Drive, x: &[f64; 5], friction: f64) -> [f64; 5] {
         let axle = self.axle(x);
-        let shaft = self.shaft.resistance(x[0], x[1], x[1].signum());
+        let turning = State { q: x[0], v: x[1] };
+        let shaft = self
+            .shaft
+            .resistance(drive.moment(), turning, x[1].signum());
         [
             x[1],
             (self.gain * drive.u + drive.load - shaft - axle) / self.drive,

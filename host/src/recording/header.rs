@@ -6,6 +6,7 @@ use super::units;
 use crate::error::{Error, Result};
 
 /// A column that the recording uses: where it stands, what it is called there, and its factor to SI.
+#[derive(Clone)]
 pub(super) struct Column {
     pub name: &'static str,
     pub index: usize,

@@ -4,14 +4,12 @@ use std::fs::File;
 
 use matfile::{MatFile, NumericData};
 
-use super::table::{Source, Table};
-use crate::error::{Error, Result};
+use super::Recording;
+use super::table::Source;
+use crate::error::Result;
 
-pub(super) fn read(source: &Source) -> Result<Table> {
-    let file = File::open(source.path).map_err(|reason| Error::Unreadable {
-        path: source.path.to_owned(),
-        reason,
-    })?;
+pub(super) fn read(source: &Source) -> Result<Recording> {
+    let file = File::open(source.path).map_err(|e| source.unreadable(e))?;
     let table = MatFile::parse(file).map_err(|e| {
         source.whole(&format!(
             "not a readable MATLAB level-5 file ({e}); save it with save(…, \"-v7\")"

@@ -8,14 +8,12 @@ use parquet::data_type::DataType;
 use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 
-use super::table::{Source, Table};
-use crate::error::{Error, Result};
+use super::Recording;
+use super::table::Source;
+use crate::error::Result;
 
-pub(super) fn read(source: &Source) -> Result<Table> {
-    let file = File::open(source.path).map_err(|reason| Error::Unreadable {
-        path: source.path.to_owned(),
-        reason,
-    })?;
+pub(super) fn read(source: &Source) -> Result<Recording> {
+    let file = File::open(source.path).map_err(|e| source.unreadable(e))?;
     let broken = |e: ParquetError| source.whole(&format!("not a readable Parquet file: {e}"));
     let table = SerializedFileReader::new(file).map_err(broken)?;
     let schema = table.metadata().file_metadata().schema_descr_ptr();

@@ -4,23 +4,18 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::Recording;
+use super::audit::Audit;
 use super::header::{Column, Header};
 use crate::error::{Error, Result};
 use crate::model::Columns;
 use crate::motion::Motion;
 
 /// A file to read, and what the model file says about it.
+#[derive(Clone, Copy)]
 pub(super) struct Source<'a> {
     pub path: &'a Path,
     pub columns: &'a Columns,
     pub motion: Motion,
-}
-
-/// A recording and where in its file the samples stand, for messages.
-pub(super) struct Table {
-    pub recording: Recording,
-    /// The line of the header, then that of each sample.
-    pub lines: Vec<usize>,
 }
 
 /// Loggers mark what they miss by numbers as large as they have.
@@ -34,7 +29,7 @@ impl Source<'_> {
         &self,
         names: Vec<&str>,
         mut load: impl FnMut(usize) -> Result<Vec<f64>>,
-    ) -> Result<Table> {
+    ) -> Result<Recording> {
         let header = Header {
             source: self,
             names,
@@ -64,37 +59,44 @@ impl Source<'_> {
             );
             return Err(self.cell(rows.min(other.len()) + 2, column, what));
         }
-        for (row, pair) in values[0].windows(2).enumerate() {
-            self.check_order(pair[0], pair[1], row + 3, &used[0])?;
+        let mut audit = Audit::new(used[2].name);
+        for row in 0..rows {
+            let now = values[0][row];
+            if let Some(earlier) = audit.now().filter(|earlier| now <= *earlier) {
+                return Err(self.order(earlier, now, row + 2, &used[0]));
+            }
+            audit.push(now, values[1][row], values[2][row], row as u64);
         }
-        Ok(self.table(&used, values, (1..rows + 2).collect()))
+        audit.finish(self.path, |row| Ok(row.map_or(1, |row| row as usize + 2)))?;
+        Ok(self.table(&used, values))
     }
 
     /// The recording that columns of SI values make.
-    pub fn table(&self, used: &[Column], values: Vec<Vec<f64>>, lines: Vec<usize>) -> Table {
+    pub fn table(&self, used: &[Column], values: Vec<Vec<f64>>) -> Recording {
         let mut values: BTreeMap<&str, Vec<f64>> =
             used.iter().map(|column| column.name).zip(values).collect();
-        Table {
-            recording: Recording {
-                path: self.path.to_owned(),
-                t: values.remove("t").unwrap_or_default(),
-                u: values.remove("u").unwrap_or_default(),
-                q: values.remove("q"),
-                v: values.remove("v"),
-            },
-            lines,
+        Recording {
+            path: self.path.to_owned(),
+            t: values.remove("t").unwrap_or_default(),
+            u: values.remove("u").unwrap_or_default(),
+            q: values.remove("q"),
+            v: values.remove("v"),
         }
     }
 
-    /// Refuses an instant that does not come after the one before it.
-    pub fn check_order(&self, earlier: f64, now: f64, line: usize, time: &Column) -> Result<()> {
-        if now > earlier {
-            return Ok(());
-        }
+    /// The complaint about an instant that does not come after the one before it.
+    pub fn order(&self, earlier: f64, now: f64, line: usize, time: &Column) -> Error {
         let what = format!(
             "time does not increase: {now} s comes after {earlier} s; remove the repeated or misplaced rows"
         );
-        Err(self.cell(line, time, what))
+        self.cell(line, time, what)
+    }
+
+    pub fn unreadable(&self, reason: std::io::Error) -> Error {
+        Error::Unreadable {
+            path: self.path.to_owned(),
+            reason,
+        }
     }
 
     pub fn cell(&self, line: usize, column: &Column, what: String) -> Error {

@@ -200,15 +200,15 @@ fn figures(subject: &Subject, spreads: &Spreads) -> Vec<Figure> {
         after: rms(after.held_out.rmse, scatter.after.rmse, si),
         note: rms_note,
     });
-    if !subject.inverse() {
+    if let Some(free_run) = after.free_run_rmse.filter(|_| !subject.inverse()) {
         let whole = |x: f64| {
             let (factor, unit) = scaled_unit(x, si);
             quantity(factor * x, &unit)
         };
         figures.push(Figure {
             label: "Whole-run RMS error".to_owned(),
-            before: before.map(|b| whole(b.free_run_rmse)),
-            after: whole(after.free_run_rmse),
+            before: before.and_then(|b| b.free_run_rmse).map(whole),
+            after: whole(free_run),
             note: format!(
                 "{}, one free run over each recording, never restarted",
                 name.to_lowercase()

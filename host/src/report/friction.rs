@@ -4,7 +4,7 @@ use super::page::{Item, Plot, Role, Section, Style};
 use super::points::{Points, bins, dots};
 use super::rows::Rows;
 use super::subject::Subject;
-use crate::axis::Axis;
+use crate::axis::{Axis, State};
 use crate::error::Result;
 use crate::format::{quantity, scaled_unit};
 
@@ -31,10 +31,8 @@ pub(super) fn section(subject: &Subject, rows: &Rows) -> Result<Section> {
         .filter(|&k| rows.sliding[k])
         .map(|k| {
             let v = rows.velocity[k];
-            (
-                v,
-                after.contact.steady(middle, v, v.signum()) - rows.after[k],
-            )
+            let state = State { q: middle, v };
+            (v, after.contact.steady(state, v.signum()) - rows.after[k])
         })
         .collect();
     let top = rows.velocity.iter().fold(0.0, |a: f64, v| a.max(v.abs()));
@@ -78,7 +76,7 @@ fn curve(axis: &Axis, q: f64, top: f64) -> Vec<(f64, f64)> {
     let side = |s: f64| {
         (0..=CURVE).map(move |k| {
             let v = s * top * (k as f64 / CURVE as f64).powi(2);
-            (v, axis.contact.steady(q, v, s))
+            (v, axis.contact.steady(State { q, v }, s))
         })
     };
     side(-1.0).rev().chain(side(1.0)).collect()

@@ -40,7 +40,8 @@ fn step<const N: usize>(
     for _ in 0..ITERATIONS {
         let at = plant.sliding(&middle);
         let bent = law.stiffness() * law.advance(z, at.v, 0.5 * h) / law.level(at.v);
-        let effects = plant.contact().resistance(at.q, at.v, bent);
+        let moment = plant.moment(drive, &middle);
+        let effects = plant.contact().resistance(moment, at, bent);
         let friction = law.mean_force(z, at.v, h) + effects;
         let next = moved(&x, 0.5 * h, &plant.rate(drive, &middle, friction));
         let change = (0..N).map(|k| (next[k] - middle[k]).abs() - 1e-13 * next[k].abs());

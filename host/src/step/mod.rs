@@ -5,21 +5,17 @@
 //! bristle state by midpoint steps with the exact step of the bristles inside (`bristle.rs`).
 
 mod bristle;
+mod loaded;
 mod slide;
+
+pub use loaded::Loaded;
 
 use bristle_core::Scalar;
 use bristle_core::friction::Dynamic;
 
+pub use crate::axis::State;
 use crate::axis::{Axis, Contact};
-
-/// Position and velocity.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct State {
-    /// Position, rad or m.
-    pub q: f64,
-    /// Velocity, rad/s or m/s.
-    pub v: f64,
-}
+use crate::effects::{Moment, Path};
 
 /// All that a mechanism in motion remembers.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,10 +41,22 @@ impl<const N: usize> Memory<N> {
 /// What acts on a mechanism during a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Drive {
-    /// The recorded input, in its own unit.
+    /// Time in the middle of the step since the first sample, s.
+    pub t: f64,
+    /// Length of the step, s.
+    pub dt: f64,
+    /// The input that acts, in its own unit.
     pub u: f64,
     /// A torque or force in the direction of positive motion that no recording shows, N·m or N.
     pub load: f64,
+}
+
+impl Drive {
+    /// The drive as effects see it.
+    pub fn moment(&self) -> Moment {
+        let &Self { t, dt, u, .. } = self;
+        Moment { t, dt, u }
+    }
 }
 
 /// Equations of motion in `N` state variables with friction at one contact, which slides at the velocity `w`.
@@ -59,8 +67,12 @@ pub trait Mechanism<const N: usize> {
     fn contact(&self) -> &Contact;
     /// `m`: the inertia that the contact brakes, kg·m² or kg.
     fn inertia(&self) -> f64;
-    /// How much later than recorded the input acts, s.
-    fn delay(&self) -> f64;
+    /// The way of the input to the mechanism.
+    fn path(&self) -> Path;
+    /// The drive as effects at the contact see it: its `u` times the model's gain is the torque or force that it transmits.
+    fn moment(&self, drive: Drive, _x: &[f64; N]) -> Moment {
+        drive.moment()
+    }
     /// Position and sliding velocity `w` of the contact.
     fn sliding(&self, x: &[f64; N]) -> State;
     /// `a`: the friction that would keep the sliding velocity as it is, N·m or N.
@@ -113,8 +125,8 @@ impl Mechanism<2> for Axis {
     fn inertia(&self) -> f64 {
         self.inertia
     }
-    fn delay(&self) -> f64 {
-        self.delay
+    fn path(&self) -> Path {
+        self.path
     }
     fn sliding(&self, x: &[f64; 2]) -> State {
         State { q: x[0], v: x[1] }
@@ -129,10 +141,11 @@ impl Mechanism<2> for Axis {
         x[1] = 0.0;
     }
     fn measured(&self, x: &[f64; 2]) -> State {
-        self.sliding(x)
+        self.seen(self.sliding(x))
     }
     fn placed(&self, state: State) -> [f64; 2] {
-        [state.q, state.v]
+        let truth = self.truth(state);
+        [truth.q, truth.v]
     }
     fn authority(&self) -> f64 {
         self.gain / self.inertia

@@ -5,7 +5,7 @@
 //! zero, as long as the balance of forces lies within what friction can hold; where it leaves that, the step is cut
 //! again. Instants are found by bisection down to rounding.
 
-use super::{Drive, Mechanism, moved};
+use super::{Drive, Mechanism, State, moved};
 
 /// The part of a step over which velocity may change by its own size through viscous forces.
 const STIFFNESS: f64 = 0.3;
@@ -21,7 +21,7 @@ pub(super) fn advance<const N: usize>(
     h: f64,
 ) -> [f64; N] {
     let mut left = h;
-    let substep = h / substeps(plant, &x, h) as f64;
+    let substep = h / substeps(plant, drive, &x, h) as f64;
     // Each pass goes one substep or ends where the contact sticks or lets go, which adds one pass.
     for _ in 0..4 * MOST_SUBSTEPS {
         if left <= 1e-12 * h {
@@ -52,10 +52,10 @@ fn direction<const N: usize>(plant: &impl Mechanism<N>, drive: Drive, x: &[f64; 
         return Some(at.v.signum());
     }
     let balance = plant.balance(drive, x);
-    let contact = plant.contact();
+    let (contact, moment) = (plant.contact(), plant.moment(drive, x));
     let (forward, backward) = (
-        contact.resistance(at.q, 0.0, 1.0),
-        contact.resistance(at.q, 0.0, -1.0),
+        contact.resistance(moment, at, 1.0),
+        contact.resistance(moment, at, -1.0),
     );
     if balance > forward.max(backward) {
         Some(1.0)
@@ -77,7 +77,7 @@ fn slide<const N: usize>(
     // The branch of sliding direction s is continued smoothly past v = 0, so the order of the method holds.
     let friction = |x: &[f64; N]| {
         let at = plant.sliding(x);
-        plant.contact().resistance(at.q, at.v, s)
+        plant.contact().resistance(plant.moment(drive, x), at, s)
     };
     let go = |h: f64| runge_kutta(|x| plant.rate(drive, x, friction(x)), x, h);
     let slides = |x: &[f64; N]| plant.sliding(x).v * s >= 0.0;
@@ -140,12 +140,18 @@ fn runge_kutta<const N: usize>(
 }
 
 /// Substeps that keep the fastest mode of the linearised mechanism within reach of the method.
-fn substeps<const N: usize>(plant: &impl Mechanism<N>, x: &[f64; N], h: f64) -> usize {
+fn substeps<const N: usize>(
+    plant: &impl Mechanism<N>,
+    drive: Drive,
+    x: &[f64; N],
+    h: f64,
+) -> usize {
     let at = plant.sliding(x);
     let s = if at.v < 0.0 { -1.0 } else { 1.0 };
     let v = if at.v == 0.0 { 1e-6 } else { at.v };
     let (dq, dv) = (1e-6, 1e-3 * v.abs().max(1e-6));
-    let resistance = |q, v| plant.contact().resistance(q, v, s);
+    let moment = plant.moment(drive, x);
+    let resistance = |q, v| plant.contact().resistance(moment, State { q, v }, s);
     let here = resistance(at.q, v);
     let damping = (resistance(at.q, v + s * dv) - here) / (dv * plant.inertia());
     let stiffness = (resistance(at.q + dq, v) - here) / (dq * plant.inertia());

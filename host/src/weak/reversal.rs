@@ -205,6 +205,48 @@ impl Drive<'_> {
     }
 }
 
+/// Sums over the nodes on one side of a rest: no product of the two sides differs from zero.
+#[derive(Default)]
+struct Side {
+    /// `Σ x²` to `Σ x⁸`.
+    powers: [f64; 7],
+    /// `Σ x²·q` to `Σ x⁴·q`.
+    products: [f64; 3],
+}
+
+impl Side {
+    fn add(&mut self, x: f64, q: f64) {
+        let mut power = x;
+        for (k, sum) in self.powers.iter_mut().enumerate() {
+            power *= x;
+            *sum += power;
+            if let Some(product) = self.products.get_mut(k) {
+                *product += power * q;
+            }
+        }
+    }
+
+    /// Writes the normal equations of the coefficients from position `from` on.
+    fn enter(
+        &self,
+        form: Form,
+        from: usize,
+        gram: &mut SMatrix<f64, 7, 7>,
+        right: &mut Coefficients,
+    ) {
+        let used = if form.quartic { 3 } else { 2 };
+        for i in 0..used {
+            right[from + i] = self.products[i];
+            (gram[(0, from + i)], gram[(from + i, 0)]) = (self.powers[i], self.powers[i]);
+            // The product of x^(i + 2) and x^(j + 2) is x^(i + j + 4).
+            (0..used).for_each(|j| gram[(from + i, from + j)] = self.powers[i + j + 2]);
+        }
+        if !form.quartic {
+            gram[(from + 2, from + 2)] = 1.0;
+        }
+    }
+}
+
 /// Positions around one reversal.
 struct Data<'a> {
     q: &'a [f64],
@@ -216,32 +258,25 @@ impl Data<'_> {
     /// Least squares for given instants: coefficients and the sum of squares.
     fn solve(&self, form: Form, [halt, start]: Instants) -> Option<(Coefficients, f64)> {
         let origin = self.q[0];
-        let mut gram = SMatrix::<f64, 7, 7>::zeros();
-        let mut right = Coefficients::zeros();
-        let mut power = 0.0;
-        let fourth = f64::from(u8::from(form.quartic));
+        let (mut before, mut after) = (Side::default(), Side::default());
+        let (mut sum, mut power) = (0.0, 0.0);
         for (k, &q) in self.q.iter().enumerate() {
             let at = self.first + k as f64;
-            let x = (halt - at).max(0.0) / self.scale;
-            let y = (at - start).max(0.0) / self.scale;
-            let (x2, y2) = (x * x, y * y);
-            let row = Coefficients::from([
-                1.0,
-                x2,
-                x2 * x,
-                fourth * x2 * x2,
-                y2,
-                y2 * y,
-                fourth * y2 * y2,
-            ]);
-            gram += row * row.transpose();
-            right += row * (q - origin);
-            power += (q - origin) * (q - origin);
+            let q = q - origin;
+            sum += q;
+            power += q * q;
+            if at < halt {
+                before.add((halt - at) / self.scale, q);
+            } else if at > start {
+                after.add((at - start) / self.scale, q);
+            }
         }
+        let mut gram = SMatrix::<f64, 7, 7>::zeros();
+        let mut right = Coefficients::zeros();
+        (gram[(0, 0)], right[0]) = (self.q.len() as f64, sum);
         // A power that is not used has a zero column; so has a side without nodes, which is refused.
-        if !form.quartic {
-            (gram[(3, 3)], gram[(6, 6)]) = (1.0, 1.0);
-        }
+        before.enter(form, 1, &mut gram, &mut right);
+        after.enter(form, 4, &mut gram, &mut right);
         let mut coefficients = gram.cholesky()?.solve(&right);
         let rss = (power - coefficients.dot(&right)).max(0.0);
         coefficients[0] += origin;

@@ -1,8 +1,9 @@
 //! A recording on a uniform time grid, with smoothed velocity and the direction of sliding.
 
+use super::TRAIN_SHARE;
 use super::reversal::{Drive, Reversal};
 use super::smooth::Differentiator;
-use crate::effects::{Point, Survey};
+use crate::effects::{Moment, Path, Point, Survey};
 use crate::motion::Motion;
 use crate::recording::Recording;
 
@@ -31,7 +32,56 @@ pub struct Track {
     pub velocity_noise: f64,
     /// Share of the time in which the axis may rest at reversals without its positions showing it.
     pub doubt: f64,
+    /// First node of the held-out part.
+    pub boundary: usize,
+    /// Nodes of the whole recording, of which this may be a piece.
+    pub whole: usize,
     input: Held,
+}
+
+/// How the velocity of all pieces of a recording is smoothed.
+#[derive(Clone, Copy, Debug)]
+pub struct Smoothing {
+    /// Half-width of the filter, s.
+    half_width: f64,
+    /// Standard deviation of the position noise.
+    position_noise: f64,
+}
+
+impl Smoothing {
+    /// What some stretches of recordings together ask for, by the rule for a recording. `None` without any.
+    pub fn of(tracks: &[Track], velocity_only: bool) -> Option<Self> {
+        let mut noises: Vec<f64> = tracks.iter().map(|t| t.position_noise).collect();
+        noises.sort_by(f64::total_cmp);
+        let position_noise = *noises.get(noises.len() / 2)?;
+        let period = tracks.first()?.period;
+        let squares = tracks.iter().flat_map(|t| &t.v).map(|v| v * v).sum::<f64>();
+        let nodes = tracks.iter().map(|t| t.v.len()).sum::<usize>();
+        let limit = VELOCITY_NOISE * (squares / nodes as f64).sqrt();
+        let most = (WIDEST_FILTER / period) as usize;
+        let quiet = |half: &usize| {
+            position_noise * gain(&Differentiator::new(*half), velocity_only) / period <= limit
+        };
+        let usable = || FILTERS.iter().copied().filter(|half| *half <= most);
+        let half = usable()
+            .find(quiet)
+            .or(usable().next_back())
+            .unwrap_or(FILTERS[0]);
+        Some(Self {
+            half_width: half as f64 * period,
+            position_noise,
+        })
+    }
+}
+
+/// Standard deviation of a filtered derivative per sampling interval, for positions with noise of unit variance. Noise of
+/// a measured velocity runs up in its integral.
+fn gain(filter: &Differentiator, velocity_only: bool) -> f64 {
+    if velocity_only {
+        filter.summed_noise_gain()
+    } else {
+        filter.noise_gain()
+    }
 }
 
 /// What it takes to move an axis, in units of `u`: known roughly before anything is fitted in earnest.
@@ -43,12 +93,11 @@ pub struct Balance {
     pub coulomb: f64,
 }
 
-/// A held signal and its running integral.
+/// A signal held between its samples.
 #[derive(Clone, Debug)]
 struct Held {
     t: Vec<f64>,
-    integral: Vec<f64>,
-    last: f64,
+    u: Vec<f64>,
 }
 
 /// Half-widths of the velocity filter that are tried, in samples.
@@ -72,6 +121,16 @@ impl Track {
     /// Resamples and smooths a recording of an axis that moves by `motion`. Where something is known of its `balance`,
     /// the drive tells how long it rests.
     pub fn new(recording: &Recording, motion: Motion, balance: Option<Balance>) -> Self {
+        Self::smoothed(recording, motion, balance, None)
+    }
+
+    /// The same with a filter that is given rather than chosen.
+    pub fn smoothed(
+        recording: &Recording,
+        motion: Motion,
+        balance: Option<Balance>,
+        smoothing: Option<Smoothing>,
+    ) -> Self {
         let t = &recording.t;
         let position = match (&recording.q, &recording.v) {
             (Some(q), _) => q.clone(),
@@ -94,8 +153,13 @@ impl Track {
         } else {
             (median, resample(t, &position, median))
         };
-        let input = Held::new(t, &recording.u);
+        let input = Held {
+            t: t.clone(),
+            u: recording.u.clone(),
+        };
         let mut track = Self {
+            boundary: (TRAIN_SHARE * q.len() as f64) as usize,
+            whole: q.len(),
             start: t[0],
             period,
             position_noise: sample_noise,
@@ -111,7 +175,10 @@ impl Track {
         if velocity_only {
             track.position_noise *= period;
         }
-        let filter = track.differentiate(velocity_only);
+        let filter = match smoothing {
+            None => track.differentiate(velocity_only),
+            Some(smoothing) => track.differentiate_as(smoothing, velocity_only),
+        };
         let half = filter.half();
         let reversals = track.reversals(&filter, balance);
         track.doubt = reversals.iter().map(|r| r.doubt).sum::<f64>() / track.q.len() as f64;
@@ -127,21 +194,30 @@ impl Track {
         track
     }
 
-    /// Mean of the input over every cell if it acts `delay` seconds later than recorded.
-    pub fn input(&self, delay: f64) -> Vec<f64> {
-        let node = |k: usize| {
-            self.input
-                .integral_at(self.start + k as f64 * self.period - delay)
-        };
-        let mut left = node(0);
-        (1..self.q.len())
-            .map(|k| {
-                let right = node(k);
-                let mean = (right - left) / self.period;
-                left = right;
-                mean
-            })
+    /// The track of a piece of a recording of `whole` samples, which is for training up to its node `boundary`.
+    #[must_use]
+    pub fn piece_of(self, whole: usize, boundary: usize) -> Self {
+        Self {
+            boundary,
+            whole,
+            ..self
+        }
+    }
+
+    /// Mean over every cell of the input that reaches the axis by a path.
+    pub fn input(&self, path: &Path) -> Vec<f64> {
+        let nodes = (0..self.q.len()).map(|k| self.start + k as f64 * self.period);
+        let integral = self.input.integral(path, nodes);
+        integral
+            .windows(2)
+            .map(|w| (w[1] - w[0]) / self.period)
             .collect()
+    }
+
+    /// Cell `k` with the input that acts there.
+    pub fn driven(&self, k: usize, u: f64) -> Point {
+        let cell = self.cells[k];
+        cell.at(Moment { u, ..cell.moment })
     }
 
     /// Time in the middle of cell `k`.
@@ -154,9 +230,13 @@ impl Track {
         let mut speeds: Vec<f64> = self.v.iter().map(|v| v.abs()).collect();
         speeds.sort_by(f64::total_cmp);
         let fold = |f: fn(f64, f64) -> f64| self.q.iter().copied().reduce(f).unwrap_or_default();
+        let inputs = self.input.u.iter().map(|u| u.abs());
+        let power = inputs.clone().map(|u| u * u).sum::<f64>() / self.input.u.len() as f64;
         Survey {
             motion,
             period: self.period,
+            duration: self.cells.len() as f64 * self.period,
+            input: (power.sqrt(), inputs.fold(0.0, f64::max)),
             half_width,
             top_speed: speeds[(speeds.len() - 1) * 98 / 100],
             slow: SLOW * self.velocity_noise,
@@ -179,12 +259,7 @@ impl Track {
                 .iter()
                 .map(|d| d / self.period)
                 .collect();
-            // Noise of a measured velocity runs up in its integral.
-            let gain = if velocity_only {
-                filter.summed_noise_gain()
-            } else {
-                filter.noise_gain()
-            };
+            let gain = gain(&filter, velocity_only);
             self.velocity_noise = self.position_noise * gain / self.period;
             let power = self.v.iter().map(|v| v * v).sum::<f64>() / self.v.len() as f64;
             if self.velocity_noise <= VELOCITY_NOISE * power.sqrt() || filters.peek().is_none() {
@@ -193,18 +268,36 @@ impl Track {
         }
     }
 
+    /// Smooths with a given filter, and returns it.
+    fn differentiate_as(&mut self, smoothing: Smoothing, velocity_only: bool) -> Differentiator {
+        let half = (smoothing.half_width / self.period).round() as usize;
+        let filter = Differentiator::new(half.max(FILTERS[0]).min((self.q.len() - 1) / 2));
+        let slopes = filter.apply(&self.q);
+        self.v = slopes.iter().map(|d| d / self.period).collect();
+        self.position_noise = smoothing.position_noise;
+        self.velocity_noise = self.position_noise * gain(&filter, velocity_only) / self.period;
+        filter
+    }
+
     fn fill_cells(&mut self, motion: Motion) {
         self.cells = self
             .q
             .windows(2)
             .zip(self.v.windows(2))
-            .map(|(q, v)| {
+            .enumerate()
+            .map(|(k, (q, v))| {
+                let moment = Moment {
+                    t: (k as f64 + 0.5) * self.period,
+                    dt: self.period,
+                    u: 0.0,
+                };
                 Point::new(
                     motion,
                     0.5 * (q[0] + q[1]),
                     0.5 * (v[0] + v[1]),
                     mean_sign(v[0], v[1]),
                 )
+                .at(moment)
             })
             .collect();
     }
@@ -242,7 +335,9 @@ impl Track {
         stretches.retain(|&(from, to, direction)| {
             direction * (self.q[to - 1] - self.q[from]) > CERTAIN_TRAVEL * self.position_noise
         });
-        let input = balance.map(|_| self.input(0.0)).unwrap_or_default();
+        let input = balance
+            .map(|_| self.input(&Path::default()))
+            .unwrap_or_default();
         let drive = balance.map(|balance| Drive {
             input: &input,
             inertia: balance.inertia / (self.period * self.period),
@@ -307,27 +402,39 @@ impl Track {
 }
 
 impl Held {
-    fn new(t: &[f64], u: &[f64]) -> Self {
-        let mut integral = vec![0.0; t.len()];
-        for k in 1..t.len() {
-            integral[k] = integral[k - 1] + u[k - 1] * (t[k] - t[k - 1]);
-        }
-        Self {
-            t: t.to_vec(),
-            integral,
-            last: u[u.len() - 1],
-        }
-    }
-
-    /// `∫u` from the first sample to `time`; before it the first value is taken to hold.
-    fn integral_at(&self, time: f64) -> f64 {
+    /// Running integral, up to each of some ascending instants, of what a path makes of the signal; before the first
+    /// sample its value is taken to hold.
+    ///
+    /// A lag `y' = (w − y)/τ` gives `∫y = ∫w − τ·(y − y₀)`, exactly.
+    fn integral(&self, path: &Path, instants: impl Iterator<Item = f64>) -> Vec<f64> {
         let n = self.t.len();
-        let k = self.t.partition_point(|&t| t <= time).clamp(1, n);
-        if k == n {
-            return self.integral[n - 1] + self.last * (time - self.t[n - 1]);
-        }
-        let slope = (self.integral[k] - self.integral[k - 1]) / (self.t[k] - self.t[k - 1]);
-        self.integral[k - 1] + slope * (time - self.t[k - 1])
+        let first = path.pass(self.u[0]);
+        // The sample that acts, its value, and integral and lagged value at its instant.
+        let (mut k, mut w, mut sum, mut y) = (0, first, 0.0, first);
+        instants
+            .map(|instant| {
+                let time = instant - path.delay;
+                while k + 1 < n && self.t[k + 1] <= time {
+                    let h = self.t[k + 1] - self.t[k];
+                    sum += w * h;
+                    y = path.relax(y, w, h).1;
+                    k += 1;
+                    w = path.pass(self.u[k]);
+                }
+                let h = time - self.t[k];
+                let lagged = if path.lag > 0.0 && h > 0.0 {
+                    path.relax(y, w, h).1
+                } else {
+                    y
+                };
+                let smoothed = if path.lag > 0.0 {
+                    path.lag * (lagged - first)
+                } else {
+                    0.0
+                };
+                sum + w * h - smoothed
+            })
+            .collect()
     }
 }
 
@@ -417,6 +524,7 @@ fn position_noise(q: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::{Held, Track, mean_sign, position_noise, resample};
+    use crate::effects::Path;
     use crate::motion::Motion;
     use crate::recording::Recording;
 
@@ -429,10 +537,40 @@ mod tests {
 
     #[test]
     fn delayed_input_is_averaged_exactly() {
-        let held = Held::new(&[0.0, 1.0, 2.0, 3.0], &[1.0, 3.0, 5.0, 7.0]);
-        assert_eq!(held.integral_at(1.5) - held.integral_at(0.5), 2.0);
-        assert_eq!(held.integral_at(-1.0), -1.0);
-        assert_eq!(held.integral_at(4.0), 16.0);
+        let late = Path {
+            delay: 0.5,
+            ..Path::default()
+        };
+        let held = held();
+        let integral = held.integral(&late, [-0.5, 1.0, 2.0, 4.5].into_iter());
+        assert_eq!(integral, [-1.0, 0.5, 2.5, 16.0]);
+    }
+
+    fn held() -> Held {
+        Held {
+            t: vec![0.0, 1.0, 2.0, 3.0],
+            u: vec![1.0, 3.0, 5.0, 7.0],
+        }
+    }
+
+    /// Against the lag's response to each step, `∫(1 − e^(−t/τ)) dt`.
+    #[test]
+    fn lagged_input_is_averaged_exactly() {
+        let lag = 0.7;
+        let path = Path {
+            lag,
+            ..Path::default()
+        };
+        let step = |t: f64| t - lag * (1.0 - (-t / lag).exp());
+        let integral = held().integral(&path, [0.4, 2.0, 3.6].into_iter());
+        let exact = [
+            0.4,
+            2.0 + 2.0 * step(1.0),
+            3.6 + 2.0 * (step(2.6) + step(1.6) + step(0.6)),
+        ];
+        for (found, exact) in integral.iter().zip(exact) {
+            assert!((found - exact).abs() < 1e-14, "{found} {exact}");
+        }
     }
 
     #[test]

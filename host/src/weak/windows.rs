@@ -3,7 +3,7 @@
 use bristle_core::weak::Kernel;
 use nalgebra::DVectorView;
 
-use super::{TRAIN_SHARE, Track};
+use super::Track;
 
 /// Which part of the recording a window lies in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,7 +52,7 @@ impl Windows {
         kernel.velocity(&mut windows.velocity);
         kernel.hold(&mut windows.hold);
         let nodes = track.q.len();
-        let boundary = (TRAIN_SHARE * nodes as f64) as usize;
+        let boundary = track.boundary;
         let mut centre = reach;
         while centre + reach < nodes {
             let part = if centre + reach <= boundary {

@@ -10,13 +10,13 @@ mod weights;
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::effects::Quantity;
+use crate::effects::{Quantity, Seat};
 use crate::linear;
 use crate::model::{Law, Model};
+use crate::normal::Normal;
 use crate::problem::Problem;
-use crate::refine::{clusters, training};
+use crate::refine::clusters;
 use crate::system;
-use crate::uncertainty::Covariance;
 use crate::weak::{Track, Windows};
 
 pub use simex::{NoiseDraws, Shift};
@@ -52,7 +52,7 @@ pub trait Form {
     }
 }
 
-/// What a form takes from the model and the recording as it is.
+/// What a form takes from the model and the recording as it is. Effects in the load and in the sensor are left out.
 pub struct Given {
     /// Mean over each cell of the driving torque, `k·u` less what effects beyond the friction law resist.
     pub drive: Vec<f64>,
@@ -61,22 +61,17 @@ pub struct Given {
 impl Given {
     fn new(track: &Track, model: &Model) -> Self {
         let gain = model.gain.value.unwrap_or(1.0);
-        let mut drive: Vec<f64> = track
-            .input(system::delay(model))
-            .iter()
-            .map(|u| gain * u)
-            .collect();
-        let coulomb = model.coulomb.value.unwrap_or_default();
-        for term in model.terms.iter().filter(|t| !t.in_law) {
-            let (inner, coefficients) = term.effect.linear(&system::values(term), coulomb);
+        let input = track.input(&system::path(model));
+        let mut drive: Vec<f64> = input.iter().map(|u| gain * u).collect();
+        let effects = model.terms.iter().filter(|t| !t.in_law);
+        for term in effects.filter(|t| t.effect.seat() == Seat::Torque) {
+            let (inner, coefficients) = term.effect.linear(&system::values(term), model.scale());
             let mut basis = vec![0.0; term.effect.width()];
-            for (drive, cell) in drive.iter_mut().zip(&track.cells) {
-                term.effect.basis(inner, *cell, &mut basis);
-                *drive -= basis
-                    .iter()
-                    .zip(&coefficients)
-                    .map(|(b, c)| b * c)
-                    .sum::<f64>();
+            for (k, drive) in drive.iter_mut().enumerate() {
+                term.effect
+                    .basis(inner, track.driven(k, input[k]), &mut basis);
+                let resisting = basis.iter().zip(&coefficients);
+                *drive -= resisting.map(|(b, c)| b * c).sum::<f64>();
             }
         }
         Self { drive }
@@ -180,16 +175,29 @@ fn least_squares(
     let (response, regressors) = stacked.split_first()?;
     let columns: Vec<&[f64]> = regressors.iter().map(Vec::as_slice).collect();
     let products = linear::score(response, &columns, folds, 0.0, None)?.beta;
-    let columns: Vec<DVector<f64>> = regressors.iter().map(|c| training(c, folds)).collect();
+    let seen = |x: &[f64]| -> DVector<f64> {
+        let rows = x.iter().zip(folds).filter(|(_, f)| f.is_some());
+        DVector::from_vec(rows.map(|(x, _)| *x).collect())
+    };
+    let columns: Vec<DVector<f64>> = regressors.iter().map(|c| seen(c)).collect();
     let columns = DMatrix::from_columns(&columns);
-    let residual = training(response, folds) - &columns * &products;
+    let residual = seen(response) - &columns * &products;
     // In units of the residual's standard deviation.
     let freedom = (residual.len() as f64 - products.len() as f64).max(1.0);
     let sigma = (residual.norm_squared() / freedom)
         .sqrt()
         .max(f64::MIN_POSITIVE);
-    let spread = Covariance::new(&(columns / sigma), &(residual / sigma), &clusters(folds))?;
-    Some((products, spread.variance))
+    let normal = Normal::new(&(columns / sigma), &(residual / sigma), &clusters(folds));
+    let (plain, sandwich, scale) = normal.covariances()?;
+    // The larger of the two variances, with the correlations of the sandwich.
+    let raised: Vec<f64> = (0..scale.len())
+        .map(|k| (plain[(k, k)] / sandwich[(k, k)].max(f64::MIN_POSITIVE)).max(1.0))
+        .map(f64::sqrt)
+        .collect();
+    let covariance = DMatrix::from_fn(scale.len(), scale.len(), |i, j| {
+        sandwich[(i, j)] * raised[i] * raised[j] / (scale[i] * scale[j])
+    });
+    Some((products, covariance))
 }
 
 fn decoded(form: &dyn Form, (products, covariance): (DVector<f64>, DMatrix<f64>)) -> Solution {

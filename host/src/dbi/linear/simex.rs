@@ -14,7 +14,7 @@ use crate::model::Model;
 use crate::problem::{Problem, Response};
 use crate::recording::Recording;
 use crate::system;
-use crate::weak::Track;
+use crate::weak::{Balance, Track};
 
 /// Sets of noise that are added; their scatter tells how well the shift is known.
 const DRAWS: u64 = 4;
@@ -35,15 +35,15 @@ pub struct Shift {
 }
 
 impl NoiseDraws {
-    /// Prepares the tracks.
-    pub fn new(recordings: &[Recording], model: &Model) -> Self {
-        let clean = Problem::tracks(recordings, model.motion, None);
+    /// Prepares the tracks as those of a workbench with this balance were.
+    pub fn new(recordings: &[Recording], model: &Model, balance: Option<Balance>) -> Self {
+        let clean = Problem::tracks(recordings, model.motion, balance);
         let noisy = (0..DRAWS).map(|seed| {
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
             let recordings = recordings.iter().zip(&clean);
             let noisier: Vec<Recording> =
                 recordings.map(|(r, t)| noisier(r, t, &mut rng)).collect();
-            Problem::tracks(&noisier, model.motion, None)
+            Problem::tracks(&noisier, model.motion, balance)
         });
         Self {
             noisy: noisy.collect(),

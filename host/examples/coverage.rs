@@ -1,0 +1,225 @@
+//! Whether standard errors are true: simulated axes under every friction law, identified, and how often the truth lies
+//! within 1.96 standard errors (95 % if it does).
+//!
+//! ```text
+//! cargo run --release --example coverage -- --runs 500 --seed 1
+//! ```
+//!
+//! Options: `--law NAME` for one law, `--runs`, `--seed`, `--counts` a turn (16384), `--noise` as a share of the torque
+//! (0.02), `--experiment both|fast|slow`. Each axis is drawn afresh and driven twice for 24 s: by a multisine of torque,
+//! and slowly by a position controller through zero velocity, as Stribeck curves ask for.
+
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use bristle::bench::{self, Control, Sensors};
+use bristle::excite::{Excitation, Shape};
+use bristle::identify::{Options, identify};
+use bristle::model::Model;
+use bristle::plant;
+use bristle::recording::Recording;
+
+const LAWS: [(&str, &[&str]); 6] = [
+    ("coulomb-viscous", &[]),
+    ("stribeck", &["static", "stribeck_velocity"]),
+    ("static", &["static", "stribeck_velocity"]),
+    ("dahl", &["bristle_stiffness"]),
+    ("lugre", &BRISTLES),
+    ("modified-lugre", &BRISTLES),
+];
+const BRISTLES: [&str; 4] = [
+    "static",
+    "stribeck_velocity",
+    "bristle_stiffness",
+    "bristle_damping",
+];
+const SECONDS: f64 = 24.0;
+const RATE: f64 = 1000.0;
+
+/// How the axes are measured.
+#[derive(Clone, Copy)]
+struct Set {
+    counts: f64,
+    noise: f64,
+    fast: bool,
+    slow: bool,
+}
+
+/// Relative errors and errors in standard errors, by parameter.
+type Errors = BTreeMap<String, (f64, f64)>;
+
+fn main() {
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let option = |name: &str| {
+        let at = words
+            .iter()
+            .position(|w| w.trim_start_matches("--") == name);
+        at.and_then(|at| words.get(at + 1))
+    };
+    let number = |name: &str, otherwise: f64| {
+        let given = option(name).and_then(|w| w.parse().ok());
+        given.unwrap_or(otherwise)
+    };
+    let experiment = option("experiment").map_or("both", String::as_str);
+    let set = Set {
+        counts: number("counts", 16384.0),
+        noise: number("noise", 0.02),
+        fast: experiment != "slow",
+        slow: experiment != "fast",
+    };
+    let runs = number("runs", 100.0) as u64;
+    let seed = number("seed", 1.0) as u64;
+    println!("law              parameter           runs  median  median |error|  within 1.96 se");
+    for (law, extra) in LAWS {
+        if option("law").is_some_and(|only| only != law) {
+            continue;
+        }
+        let all = run(law, extra, seed * 1_000_000..seed * 1_000_000 + runs, set);
+        for name in ["inertia", "coulomb", "viscous"].iter().chain(extra) {
+            let of = |f: &dyn Fn(&(f64, f64)) -> f64| -> Vec<f64> {
+                let mut values: Vec<f64> = all.iter().filter_map(|e| e.get(*name)).map(f).collect();
+                values.sort_by(f64::total_cmp);
+                values
+            };
+            let (signed, sizes) = (of(&|e| e.0), of(&|e| e.0.abs()));
+            let within = of(&|e| e.1.abs()).iter().filter(|z| **z < 1.96).count();
+            let count = signed.len();
+            println!(
+                "{law:16} {name:18} {count:5} {:+6.2} % {:12.2} % {:12.1} %",
+                100.0 * signed[count / 2],
+                100.0 * sizes[count / 2],
+                100.0 * within as f64 / count as f64
+            );
+        }
+    }
+}
+
+fn run(law: &str, extra: &[&str], seeds: std::ops::Range<u64>, set: Set) -> Vec<Errors> {
+    let next = AtomicU64::new(seeds.start);
+    let all = Mutex::new(Vec::new());
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|| {
+                loop {
+                    let seed = next.fetch_add(1, Ordering::Relaxed);
+                    if seed >= seeds.end {
+                        break;
+                    }
+                    let errors = attempt(law, extra, seed, set);
+                    match (errors, all.lock()) {
+                        (Ok(errors), Ok(mut all)) => all.push(errors),
+                        (Err(error), _) => eprintln!("{law}, seed {seed}: {error}"),
+                        _ => {}
+                    }
+                }
+            });
+        }
+    });
+    all.into_inner().unwrap_or_default()
+}
+
+fn attempt(law: &str, extra: &[&str], seed: u64, set: Set) -> bristle::error::Result<Errors> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut log_between = |low: f64, high: f64| low * (high / low).powf(rng.random());
+    let inertia = log_between(1e-3, 3e-2);
+    let top_speed = log_between(3.0, 15.0);
+    let hertz = log_between(0.8, 2.0);
+    let torque = inertia * top_speed * TAU * hertz;
+    let coulomb = torque * log_between(0.15, 0.6);
+    let viscous = torque * log_between(0.05, 0.3) / top_speed;
+    let stribeck_velocity = top_speed * log_between(0.02, 0.1);
+    let stiffness = coulomb / log_between(1e-3, 5e-3);
+    let truth: BTreeMap<&str, f64> = BTreeMap::from([
+        ("inertia", inertia),
+        ("coulomb", coulomb),
+        ("viscous", viscous),
+        ("static", coulomb * log_between(1.2, 1.8)),
+        ("stribeck_velocity", stribeck_velocity),
+        ("bristle_stiffness", stiffness),
+        (
+            "bristle_damping",
+            (stiffness * inertia).sqrt() * log_between(0.2, 1.0),
+        ),
+    ]);
+    let slow_hertz = log_between(0.2, 0.4);
+    let slow_speed = stribeck_velocity * log_between(2.0, 5.0);
+    let friction = |value: &dyn Fn(&str) -> String| -> String {
+        let names = ["coulomb", "viscous"].iter().chain(extra);
+        let lines: Vec<String> = names.map(|n| format!("{n} = {}", value(n))).collect();
+        lines.join("\n")
+    };
+    let text = |value: &dyn Fn(&str) -> String| {
+        format!(
+            "[plant]\nmotion = \"rotary\"\ninertia = {}\n[friction]\nmodel = \"{law}\"\n{}",
+            value("inertia"),
+            friction(value)
+        )
+    };
+    let parse = |text: String| Model::parse(&text).map_err(bristle::error::Error::Internal);
+    let plant = parse(text(&|name| format!("{:e}", truth[name])))?;
+    let asked = parse(text(&|_| "\"?\"".to_owned()))?;
+    let sensors = |seed| Sensors {
+        count: TAU / set.counts,
+        load_noise: set.noise * torque,
+        seed,
+        ..Sensors::default()
+    };
+    let mut recordings = Vec::new();
+    if set.fast {
+        let signal = multisine(1.8 * torque, (0.1, hertz), seed);
+        recordings.push(record(&plant, &signal, None, sensors(seed))?);
+    }
+    if set.slow {
+        let amplitude = 1.5 * slow_speed / (TAU * slow_hertz);
+        let signal = multisine(amplitude, (0.1, slow_hertz), seed + 1);
+        let control = Control::of_bandwidth(6.0, 1.0 / inertia);
+        recordings.push(record(&plant, &signal, Some(control), sensors(seed + 1))?);
+    }
+    let (_, found) = identify(&recordings, &asked, Options::default())?;
+    let labels = found.model.labels();
+    let parameters = labels.iter().zip(found.model.parameters());
+    Ok(parameters
+        .filter_map(|(label, p)| {
+            let truth = truth.get(label.name)?;
+            let error = p.value? - truth;
+            Some((label.name.to_owned(), (error / truth, error / p.se?)))
+        })
+        .collect())
+}
+
+fn multisine(amplitude: f64, band: (f64, f64), seed: u64) -> Excitation {
+    Excitation {
+        shape: Shape::Multisine,
+        amplitude,
+        band,
+        duration: SECONDS,
+        seed,
+    }
+}
+
+fn record(
+    model: &Model,
+    signal: &Excitation,
+    control: Option<Control>,
+    sensors: Sensors,
+) -> bristle::error::Result<Recording> {
+    let t: Vec<f64> = (0..(SECONDS * RATE) as usize)
+        .map(|k| k as f64 / RATE)
+        .collect();
+    let values = signal.values(&t);
+    let mut plant = plant::new(model)?;
+    let record = bench::record(plant.as_mut(), t, &values, control, sensors);
+    Ok(Recording {
+        path: "simulated".into(),
+        t: record.t,
+        u: record.u,
+        q: Some(record.q),
+        v: None,
+    })
+}

@@ -1,0 +1,148 @@
+//! What holds for every effect of the catalogue.
+
+use super::{ALL, Motion, Point, Scale, find, section, tell_apart};
+
+const SCALE: Scale = Scale {
+    coulomb: 0.3,
+    gain: 1.7,
+};
+
+#[test]
+fn the_catalogue_has_the_24_ids_once_each() {
+    let mut ids: Vec<&str> = ALL.iter().map(|e| e.id()).collect();
+    ids.sort_unstable();
+    ids.dedup();
+    assert_eq!(ids.len(), 24);
+    assert!(find("stribeck").is_some() && find("unknown").is_none());
+}
+
+#[test]
+fn sections_of_the_documentation_are_found() {
+    assert_eq!(
+        section("//! # A\n//! b\n//! c\n//! # D\n", "A").unwrap(),
+        "b c"
+    );
+    assert!(section("//! # A\n", "B").is_none());
+}
+
+#[test]
+fn any_two_effects_can_be_told_apart() {
+    for one in ALL {
+        for other in ALL.iter().filter(|o| o.id() != one.id()) {
+            let text = tell_apart(*one, *other);
+            assert!(text.len() > 30 && !text.contains("//!"), "{text}");
+        }
+    }
+}
+
+#[test]
+fn every_doc_has_the_fixed_headings() {
+    for effect in ALL {
+        for heading in [
+            "What it is",
+            "What it looks like in a recording",
+            "What excites it",
+            "Confused with",
+            "Example",
+            "References",
+        ] {
+            assert!(
+                effect.doc().contains(&format!("//! # {heading}\n")),
+                "{}: {heading}",
+                effect.id()
+            );
+        }
+    }
+}
+
+#[test]
+fn named_and_linear_parameters_are_inverse_to_each_other() {
+    for effect in ALL {
+        let named: Vec<f64> = (0..effect.parameters().len())
+            .map(|k| 0.7 + 0.2 * k as f64)
+            .collect();
+        let (inner, coefficients) = effect.linear(&named, SCALE);
+        assert_eq!(coefficients.len(), effect.width());
+        let again = effect.named(inner, &coefficients, SCALE);
+        assert!(
+            named.iter().zip(&again).all(|(a, b)| (a - b).abs() < 1e-12),
+            "{}: {named:?} {again:?}",
+            effect.id()
+        );
+    }
+}
+
+#[test]
+fn sentences_read_well_for_tiny_and_huge_numbers() {
+    let exponent = |text: &str| {
+        let bytes = text.as_bytes();
+        bytes.windows(3).any(|w| {
+            w[0].is_ascii_digit() && w[1] == b'e' && (w[2] == b'-' || w[2].is_ascii_digit())
+        })
+    };
+    assert!(exponent("3.644e-1 N*m") && !exponent("0.364 N·m"));
+    for effect in ALL {
+        for size in [1.234_567e-9, 0.364_4, -0.364_4, 8.043_21e7] {
+            for motion in [Motion::Rotary, Motion::Linear] {
+                let text = effect.sentence(&vec![size; effect.parameters().len()], motion);
+                let digits = text.split(|c: char| !c.is_ascii_digit() && c != '.');
+                assert!(
+                    !exponent(&text)
+                        && !text.contains('*')
+                        && text.ends_with('.')
+                        && digits.clone().all(|d| d.len() <= 8),
+                    "{}: {text}",
+                    effect.id()
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn a_sentence_has_three_digits_and_a_printed_unit() {
+    let text = find("stribeck")
+        .unwrap()
+        .sentence(&[0.364_4, 0.481_6, 1.39], Motion::Rotary);
+    assert!(
+        text.starts_with(
+            "Friction rises to 0.364 N·m towards zero speed, below about 0.482 rad/s:"
+        ),
+        "{text}"
+    );
+    let text = find("gravity")
+        .unwrap()
+        .sentence(&[0.2, 0.01], Motion::Rotary);
+    assert!(text.contains("towards q = −0.0100 rad"), "{text}");
+}
+
+#[test]
+fn confusions_name_effects_of_the_catalogue() {
+    for effect in ALL {
+        for confusion in effect.confusions() {
+            let known = find(confusion.id).is_some();
+            assert!(
+                known && confusion.id != effect.id(),
+                "{} and {}",
+                effect.id(),
+                confusion.id
+            );
+        }
+    }
+}
+
+#[test]
+fn dissipative_effects_oppose_motion() {
+    for id in ["stribeck", "quadratic-drag", "power-law-viscous"] {
+        let effect = find(id).unwrap();
+        for v in [-2.0, -0.1, 0.1, 2.0_f64] {
+            let mut b = [0.0];
+            effect.basis(
+                [0.5, 2.0],
+                Point::new(Motion::Linear, 0.3, v, v.signum()),
+                &mut b,
+            );
+            assert!(b[0] * v > 0.0, "{id} at {v}");
+        }
+    }
+}

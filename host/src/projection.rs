@@ -1,0 +1,135 @@
+//! What further columns would take off the squared residual of a linear fit, without refitting it.
+
+use nalgebra::{DMatrix, DVector};
+
+/// A fit over some rows, taken out of everything.
+pub struct Projection {
+    rows: Vec<usize>,
+    /// Orthonormal columns that span the fit.
+    span: Vec<Vec<f64>>,
+    residual: Vec<f64>,
+}
+
+/// Columns that the fit leaves less than this share of are part of it.
+const NOTHING: f64 = 1e-10;
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let length = a.len();
+    let view = nalgebra::DVectorView::from_slice;
+    view(a, length).dot(&view(b, length))
+}
+
+impl Projection {
+    /// Fits `columns` to a response over the rows that are `seen`.
+    pub fn new(response: &[f64], columns: &[Vec<f64>], seen: &[bool]) -> Self {
+        let mut projection = Self {
+            rows: (0..seen.len()).filter(|&k| seen[k]).collect(),
+            span: Vec::new(),
+            residual: Vec::new(),
+        };
+        for column in columns {
+            let before = projection.pick(column);
+            // Twice, as nearly dependent columns lose digits the first time.
+            let once = projection.without_fit(before.clone());
+            let mut rest = projection.without_fit(once);
+            let norm = dot(&rest, &rest).sqrt();
+            if norm > NOTHING * dot(&before, &before).sqrt() {
+                rest.iter_mut().for_each(|x| *x /= norm);
+                projection.span.push(rest);
+            }
+        }
+        projection.residual = projection.without_fit(projection.pick(response));
+        projection
+    }
+
+    fn pick(&self, column: &[f64]) -> Vec<f64> {
+        self.rows.iter().map(|&k| column[k]).collect()
+    }
+
+    fn without_fit(&self, mut column: Vec<f64>) -> Vec<f64> {
+        for direction in &self.span {
+            let along = dot(&column, direction);
+            for (x, d) in column.iter_mut().zip(direction) {
+                *x -= along * d;
+            }
+        }
+        column
+    }
+
+    /// Gram matrix of further columns without the fit, and their products with the residual.
+    fn gram(&self, columns: &[Vec<f64>]) -> (DMatrix<f64>, DVector<f64>) {
+        let rest: Vec<Vec<f64>> = columns
+            .iter()
+            .map(|c| self.without_fit(self.pick(c)))
+            .collect();
+        let gram = DMatrix::from_fn(rest.len(), rest.len(), |i, j| {
+            if i <= j { dot(&rest[i], &rest[j]) } else { 0.0 }
+        });
+        let right = DVector::from_fn(rest.len(), |i, _| dot(&rest[i], &self.residual));
+        (gram, right)
+    }
+
+    /// How much the squared residual falls with a few more columns.
+    pub fn gain(&self, columns: &[Vec<f64>]) -> f64 {
+        let (mut gram, right) = self.gram(columns);
+        gram.fill_lower_triangle_with_upper_triangle();
+        let scale = gram.diagonal().map(|d| d.max(f64::MIN_POSITIVE));
+        for k in 0..right.len() {
+            gram[(k, k)] += NOTHING * scale[k];
+        }
+        gram.cholesky()
+            .map_or(0.0, |factor| right.dot(&factor.solve(&right)))
+    }
+
+    /// The run of consecutive columns whose sum takes most off: its first, and one past its last.
+    ///
+    /// `(Σ b)²/ΣΣ G` of every run, by cumulative sums along the diagonals.
+    pub fn best_interval(&self, columns: &[Vec<f64>]) -> (usize, usize) {
+        let (gram, right) = self.gram(columns);
+        let (mut best, mut most) = ((0, columns.len()), 0.0);
+        for first in 0..columns.len() {
+            let (mut product, mut square) = (0.0, 0.0);
+            for last in first..columns.len() {
+                product += right[last];
+                let beside: f64 = (first..last).map(|k| gram[(k, last)]).sum();
+                square += gram[(last, last)] + 2.0 * beside;
+                let gain = product * product / square.max(f64::MIN_POSITIVE);
+                if gain > most {
+                    (best, most) = ((first, last + 1), gain);
+                }
+            }
+        }
+        best
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Projection;
+
+    /// A step on a ramp: the ramp is fitted away, the step is found where it is, and its gain is what refitting gives.
+    #[test]
+    fn an_interval_is_found_and_its_gain_is_that_of_a_refit() {
+        let n = 120;
+        let ramp: Vec<f64> = (0..n).map(f64::from).collect();
+        let seen: Vec<bool> = (0..n).map(|k| k < 110).collect();
+        let inside = |from: i32, to: i32| -> Vec<f64> {
+            (0..n)
+                .map(|k| f64::from(u8::from(k >= from && k < to)))
+                .collect()
+        };
+        let step = inside(30, 60);
+        let response: Vec<f64> = ramp
+            .iter()
+            .zip(&step)
+            .map(|(r, s)| 0.1 * r + 2.0 * s)
+            .collect();
+        let projection = Projection::new(&response, std::slice::from_ref(&ramp), &seen);
+        let blocks: Vec<Vec<f64>> = (0..12).map(|k| inside(10 * k, 10 * k + 10)).collect();
+        assert_eq!(projection.best_interval(&blocks), (3, 6));
+        let left = |p: &Projection| p.residual.iter().map(|r| r * r).sum::<f64>();
+        let refit = Projection::new(&response, &[ramp, step.clone()], &seen);
+        let fall = left(&projection) - left(&refit);
+        assert!(left(&refit) < 1e-18 && (projection.gain(&[step]) - fall).abs() < 1e-6 * fall);
+    }
+}

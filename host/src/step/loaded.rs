@@ -1,0 +1,91 @@
+//! An axis with a load behind its measured side: backlash and compliance.
+
+use super::{Drive, Mechanism, State};
+use crate::axis::{Axis, Contact};
+use crate::effects::{Coupling, Moment, Path};
+
+/// `(J − J_L)·v̇ = k·u − F − T`, `J_L·v̇_L = T`: the friction of the axis sits at the measured side, and `T` is what the
+/// coupling transmits. States: position and velocity of the measured side, and of the load relative to it.
+pub struct Loaded<A> {
+    axis: A,
+    coupling: Coupling,
+}
+
+impl<A: AsRef<Axis>> Loaded<A> {
+    /// An axis that carries a load.
+    pub fn new(axis: A, coupling: Coupling) -> Self {
+        Self { axis, coupling }
+    }
+
+    fn axis(&self) -> &Axis {
+        self.axis.as_ref()
+    }
+}
+
+impl AsRef<Self> for Axis {
+    fn as_ref(&self) -> &Self {
+        self
+    }
+}
+
+impl<A: AsRef<Axis>> Mechanism<4> for Loaded<A> {
+    fn contact(&self) -> &Contact {
+        &self.axis().contact
+    }
+    fn inertia(&self) -> f64 {
+        self.axis().inertia - self.coupling.inertia
+    }
+    fn path(&self) -> Path {
+        self.axis().path
+    }
+    fn moment(&self, drive: Drive, _x: &[f64; 4]) -> Moment {
+        drive.moment()
+    }
+    fn sliding(&self, x: &[f64; 4]) -> State {
+        State { q: x[0], v: x[1] }
+    }
+    fn balance(&self, drive: Drive, x: &[f64; 4]) -> f64 {
+        self.axis().gain * drive.u + drive.load - self.coupling.torque(x[2], x[3])
+    }
+    fn rate(&self, drive: Drive, x: &[f64; 4], friction: f64) -> [f64; 4] {
+        let acceleration = (self.balance(drive, x) - friction) / self.inertia();
+        let transmitted = self.coupling.torque(x[2], x[3]);
+        [
+            x[1],
+            acceleration,
+            x[3],
+            transmitted / self.coupling.inertia - acceleration,
+        ]
+    }
+    fn rest(&self, x: &mut [f64; 4]) {
+        // The load keeps its own velocity.
+        x[3] += x[1];
+        x[1] = 0.0;
+    }
+    fn measured(&self, x: &[f64; 4]) -> State {
+        self.axis().seen(self.sliding(x))
+    }
+    fn placed(&self, state: State) -> [f64; 4] {
+        let truth = self.axis().truth(state);
+        // A moving axis pulls its load along at the end of the gap.
+        let behind = if truth.v == 0.0 {
+            0.0
+        } else {
+            -0.5 * self.coupling.gap * truth.v.signum()
+        };
+        [truth.q, truth.v, behind, 0.0]
+    }
+    fn pace(&self) -> f64 {
+        let Coupling {
+            inertia,
+            stiffness,
+            damping,
+            ..
+        } = self.coupling;
+        let apart = 1.0 / inertia + 1.0 / self.inertia();
+        (stiffness * apart).sqrt().max(damping * apart)
+    }
+    fn authority(&self) -> f64 {
+        self.axis().authority()
+    }
+}

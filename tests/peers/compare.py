@@ -1,0 +1,98 @@
+"""Fits every recording with every method and writes the table of host/book/peers.md."""
+
+import dataclasses
+import json
+import pathlib
+import statistics
+import subprocess
+import tempfile
+import time
+
+import absl.logging
+import fit_mujoco
+import fit_pysindy
+import fit_scipy
+import page
+import recordings
+from axis import BRISTLE, Parameters, held_out_nrmse
+
+# Start values off by a factor of two, in the directions that make the first run worst, and the reference itself.
+FAR = (2.0, 0.5, 2.0)
+# Fits faster than this are repeated; the median counts.
+QUICK = 5.0
+REPEATS = 5
+
+
+@dataclasses.dataclass
+class Row:
+    method: str
+    seconds: float
+    parameters: Parameters
+    nrmse: float
+    note: str
+
+
+def methods(case):
+    """Name and fit of each peer; a fit returns parameters and a note."""
+    near = case.reference
+    far = Parameters(*(near.vector() * FAR))
+    for constant in (False, True):
+        for weak in (False, True):
+            name = "PySINDy, " + ("weak form" if weak else "smoothed differences") + (" and constant" if constant else "")
+            yield name, fit_pysindy.fit(case, weak, constant)
+    for in_windows in (False, True):
+        over = "1 s windows" if in_windows else "free run"
+        for start, where in ((near, "near"), (far, "far")):
+            for stepper in ("Python", "Numba"):
+                yield f"SciPy, {over}, {stepper}, {where}", fit_scipy.fit(case, start, stepper, in_windows)
+            yield f"mujoco.sysid, {over}, {where}", fit_mujoco.fit(case, start, in_windows)
+    if case.name == "EMPS":
+        yield "SciPy, free run, solve_ivp, near", fit_scipy.fit_ode(case, near)
+
+
+def bristle(case):
+    """The whole process, reading included."""
+    with tempfile.TemporaryDirectory() as folder:
+        model, out = pathlib.Path(folder, "model.toml"), pathlib.Path(folder, "out.json")
+        model.write_text(case.model())
+        command = [BRISTLE, "identify", case.path, "--model", model, "--json", out]
+
+        def estimate():
+            subprocess.run(command, check=True, capture_output=True)
+            found = json.loads(out.read_text())["parameters"]
+            return Parameters(*(found[name]["value"] for name in ("inertia", "coulomb", "viscous"))), ""
+
+        return timed(estimate)
+
+
+def timed(estimate):
+    """Median wall time and what was found."""
+    seconds = []
+    while len(seconds) < REPEATS and sum(seconds) < QUICK:
+        start = time.perf_counter()
+        found = estimate()
+        seconds.append(time.perf_counter() - start)
+    return statistics.median(seconds), found
+
+
+def row(case, method, outcome):
+    seconds, (parameters, note) = outcome
+    found = Row(method, seconds, parameters, held_out_nrmse(case, parameters), note)
+    print(f"{case.name:22} {method:44} {seconds:9.3f} s  {found.nrmse:8.4f}  {parameters}", flush=True)
+    return found
+
+
+def main():
+    # mujoco.sysid takes any start for one near a bound.
+    absl.logging.set_verbosity(absl.logging.ERROR)
+    tables = []
+    with tempfile.TemporaryDirectory() as folder:
+        for case in recordings.cases(pathlib.Path(folder)):
+            rows = [row(case, "Bristle", bristle(case))]
+            rows += [row(case, method, timed(estimate)) for method, estimate in methods(case)]
+            tables.append((case, rows))
+    print(f"wrote {page.write(tables)}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,85 @@
+"""The page of the book that shows the comparison."""
+
+import importlib.metadata
+import os
+import platform
+import subprocess
+
+from axis import BRISTLE, ROOT
+
+PAGE = ROOT / "host/book/peers.md"
+PACKAGES = ("scipy", "pysindy", "mujoco", "numba", "numpy")
+
+HEAD = """# Bristle and its peers
+
+Written by `tests/peers/run`, which anyone can run: it needs Python and a package index, and puts its packages into
+`target/peers`. Everything below is one run on one machine ({machine}; {versions}).
+
+**The same for all.** The model is one inertia with Coulomb and viscous friction, `J·dv/dt = k·u − Fc·sgn v − Fv·v`, `k`
+known. A method sees the first 70 % of a recording. Its parameters go into a Bristle model file, and `bristle simulate
+--horizon 1` runs it over the last 30 %: *held-out nrmse* is the RMS error of the position change in windows of 1 s from the
+measured state, over the RMS of the measured change. Simulated recordings last 30 s at 1 kHz, with a quantising encoder and
+an unrecorded torque of 2 % of the drive (RMS).
+
+**Time** is the wall time of the fit. Imports, reading the file and Numba's compilation do not count for the peers; for
+Bristle the whole process counts, with reading, the choice of windows, standard errors and the judgement of the fit.
+
+**What each peer was given.**
+- *SciPy*: output error by `least_squares`, bounded and scaled, over one free run from the first state or over windows of 1 s from
+  measured states. The simulator is exact for the held input and sticks; it is written in Python, or compiled by
+  Numba. `solve_ivp` stands for a first attempt without a simulator of one's own. *near* starts at the reference values themselves, *far*
+  with J and Fv doubled and Fc halved.
+- *mujoco.sysid*: inertia, frictionloss and damping of one body on a joint behind a motor (gear k), estimated by its own
+  Gauss-Newton optimizer with parallel rollouts; time step equal to the sampling interval; the stiffest friction constraint
+  that MuJoCo allows; same starts and bounds as SciPy.
+- *PySINDy*: a library of v, sgn v and u, with and without a constant, no threshold; velocity from a Savitzky-Golay filter
+  of 41 samples; weak form with windows of ±0.1 s. It needs no start values. A constant found is judged with it.
+- *Bristle*: a file that says `"?"` three times. It needs no start values and gives standard errors.
+
+Errors of parameters are relative to the reference: the true values of a simulated axis, the published ones of EMPS
+(A. Janot, M. Gautier, M. Brunot, 2019), which belong to a model with one parameter more.
+"""
+
+
+def machine():
+    cores = os.cpu_count()
+    return f"{cores} cores, {platform.machine()}, {platform.system()}"
+
+
+def versions():
+    own = subprocess.run([BRISTLE, "--version"], check=True, capture_output=True, text=True).stdout.strip()
+    peers = [f"{name} {importlib.metadata.version(name)}" for name in PACKAGES]
+    return ", ".join([own, f"Python {platform.python_version()}", *peers])
+
+
+def percent(x):
+    return f"{100 * x:+.1f} %" if abs(x) < 10 else f"×{1 + x:.0f}"
+
+
+def duration(seconds):
+    return f"{seconds:.3g} s" if seconds >= 1 else f"{1e3 * seconds:.3g} ms"
+
+
+def table(case, rows):
+    fastest = rows[0].seconds
+    lines = [
+        f"## {case.name}",
+        "",
+        "| method | J | Fc | Fv | held-out nrmse | time | × Bristle |",
+        "| --- | ---: | ---: | ---: | ---: | ---: | ---: |",
+    ]
+    truth = case.reference.vector()
+    for row in rows:
+        errors = " | ".join(percent(e) for e in row.parameters.vector() / truth - 1.0)
+        steps = f" ({row.note})" if row.note else ""
+        lines.append(
+            f"| {row.method}{steps} | {errors} | {100 * row.nrmse:.2f} % | {duration(row.seconds)} | {row.seconds / fastest:.3g} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def write(tables):
+    text = HEAD.format(machine=machine(), versions=versions())
+    text += "".join("\n" + table(case, rows) for case, rows in tables)
+    PAGE.write_text(text)
+    return PAGE.relative_to(ROOT)
