@@ -174,9 +174,12 @@ fn of_effect(bench: &Workbench, model: &Model, term: &Term) -> Vec<Raw> {
         Seat::Input | Seat::Inertia => return Vec::new(),
     };
     let several = columns.len() > 1;
-    let named = |k: usize| match several {
-        true => format!("{}, column {}", effect.id(), k + 1),
-        false => effect.id().to_owned(),
+    let named = |k: usize| {
+        if several {
+            format!("{}, column {}", effect.id(), k + 1)
+        } else {
+            effect.id().to_owned()
+        }
     };
     let columns = columns.into_iter().zip(coefficients).enumerate();
     columns

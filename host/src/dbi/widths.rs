@@ -1,15 +1,20 @@
 //! How estimates move with the width of the windows: what a method that is right must pass.
 //!
-//! Every half-width gives an estimate of the same parameters, from the same data. Let `d` be the difference between the
-//! estimates at two widths and `s₁`, `s₂` their standard errors. Estimates from the same data are positively correlated,
-//! so `var d = s₁² + s₂² − 2·cov ≤ s₁² + s₂²`, and `|d| > z·√(s₁² + s₂²)` happens by chance less often than `z` says. With
-//! `m` widths compared to the chosen one, `z = Φ⁻¹(1 − 0.05/(2m))` keeps a false alarm below 5 % over all of them
-//! (Bonferroni). A parameter whose estimates differ by more depends on the width: the model lacks something in the band
-//! that the widths differ in, or noise biases it. Less is no proof: the bound is conservative (an exact one needs the
-//! covariance; J. A. Hausman, Econometrica 46, 1978).
+//! Every half-width gives an estimate of the same parameters from the same data. Such estimates are strongly correlated,
+//! so their errors say little about their difference `d`; what matters is how much the same stretch of data moves the
+//! one and the other. A block of time `c` adds `ψ_c = (JᵀJ)⁻¹·(Jᵀr)_c` to an estimate, and for estimates 1 and 2
+//!
+//! `var d = G/(G − 1)·Σ_c (ψ1_c − ψ2_c)²`
+//!
+//! over the `G` blocks, which are the same for all widths: the sandwich variance (Liang and Zeger 1986) of the difference.
+//! `d/√(var d)` is compared with Student's t of `G − 1` degrees of freedom. With `m` widths compared to the chosen one, a
+//! two-sided level of `0.05/m` each keeps a false alarm below 5 % over all of them (Bonferroni). A parameter that fails
+//! depends on the width: the model lacks something in the band that the widths differ in, or noise biases it. In the
+//! spirit of J. A. Hausman, Econometrica 46, 1978. A significant difference may still be small: the sentence gives its
+//! size in standard errors of the estimate as well.
 
 use serde::Serialize;
-use statrs::distribution::{ContinuousCDF, Normal};
+use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::linear::{self, Form, NoiseDraws, Shift};
 use crate::diagnose::{Estimate, estimate};
@@ -17,6 +22,9 @@ use crate::error::Result;
 use crate::format::{quantity, significant, with_unit};
 use crate::identify::Workbench;
 use crate::model::Model;
+use crate::problem::Row;
+use crate::refine;
+use crate::system;
 use crate::weak::Part;
 
 /// Narrowest half-width, s.
@@ -47,6 +55,9 @@ pub struct AtWidth {
     pub linear: Vec<Found>,
     /// Why there is no fit, if there is none.
     pub failure: Option<String>,
+    /// What each block of time adds to each estimate; empty for those that were not estimated.
+    #[serde(skip)]
+    influences: Vec<Vec<f64>>,
 }
 
 /// A parameter and its estimate.
@@ -105,8 +116,10 @@ pub struct Agreement {
     pub name: String,
     /// Widths compared with the chosen one.
     pub compared: usize,
-    /// Largest difference, in standard errors of the difference if the estimates were independent.
+    /// Largest difference, in its own standard errors.
     pub farthest: f64,
+    /// The same difference in standard errors of the estimate at the chosen width.
+    pub size: f64,
     /// What chance allows.
     pub allowed: f64,
     /// Whether they agree.
@@ -174,6 +187,7 @@ fn failed(half_width: f64, why: &str) -> AtWidth {
         estimates: Vec::new(),
         linear: Vec::new(),
         failure: Some(why.to_owned()),
+        influences: Vec::new(),
     }
 }
 
@@ -199,7 +213,40 @@ fn at_width(
             .map(|form| found(form.as_ref(), bench, model, draws))
             .collect(),
         failure: None,
+        influences: influences(bench, model),
     }
+}
+
+fn influences(bench: &Workbench, model: &Model) -> Vec<Vec<f64>> {
+    let mut all = vec![Vec::new(); model.parameters().len()];
+    let blocks = blocks(bench);
+    if let Some(shares) = refine::influences(&bench.problem, model, &bench.noise, &blocks) {
+        for (row, k) in refine::free_parameters(model).into_iter().enumerate() {
+            all[k] = shares.row(row).iter().copied().collect();
+        }
+    }
+    all
+}
+
+/// The block of time of every training row, numbered alike whatever the width.
+fn blocks(bench: &Workbench) -> Vec<Option<usize>> {
+    let problem = &bench.problem;
+    let mut first = vec![0];
+    let lengths = problem.tracks.iter().map(|t| {
+        let training = t.boundary as f64 * t.period;
+        (system::block(training), training)
+    });
+    let lengths: Vec<(f64, f64)> = lengths.collect();
+    for (block, training) in &lengths {
+        first.push(first[first.len() - 1] + (training / block) as usize + 1);
+    }
+    let number = |row: &Row| {
+        let time = row.centre as f64 * problem.tracks[row.track].period;
+        first[row.track] + (time / lengths[row.track].0) as usize
+    };
+    let rows = problem.rows.iter();
+    rows.map(|row| (row.part == Part::Train).then(|| number(row)))
+        .collect()
 }
 
 fn found(form: &dyn Form, bench: &Workbench, model: &Model, draws: &NoiseDraws) -> Found {
@@ -253,56 +300,88 @@ pub fn agreement(widths: &[AtWidth]) -> Vec<Agreement> {
     let near: Vec<&AtWidth> = widths.iter().filter(near).collect();
     let estimated = chosen.estimates.iter().enumerate();
     let estimated = estimated.filter(|(_, e)| e.estimate.se.is_some_and(|se| se > 0.0));
-    estimated.map(|(k, own)| judged(k, own, &near)).collect()
+    estimated
+        .map(|(k, own)| judged(k, own, chosen, &near))
+        .collect()
 }
 
-fn judged(k: usize, own: &Named, near: &[&AtWidth]) -> Agreement {
-    let known = |e: &Estimate| e.se.filter(|se| se.is_finite() && e.value.is_finite());
-    let distances: Vec<(f64, f64)> = near
+/// A difference from the chosen width.
+struct Difference {
+    /// Half-width of the other one, s.
+    at: f64,
+    /// The difference, in its own standard errors over what chance allows.
+    excess: f64,
+    /// In its own standard errors.
+    distance: f64,
+    allowed: f64,
+    /// In the unit of the parameter.
+    value: f64,
+}
+
+fn judged(k: usize, own: &Named, chosen: &AtWidth, near: &[&AtWidth]) -> Agreement {
+    let compared: Vec<(&AtWidth, f64, f64)> = near
         .iter()
-        .filter_map(|w| {
-            let other = &w.estimates[k].estimate;
-            let error = known(other)?.hypot(known(&own.estimate)?);
-            Some(((other.value - own.estimate.value) / error, w.half_width))
+        .filter_map(|other| {
+            let (error, freedom) = error(&chosen.influences[k], &other.influences[k])?;
+            Some((*other, error, freedom))
         })
         .collect();
-    let allowed = allowed(distances.len());
-    let worst = distances
-        .iter()
-        .copied()
-        .max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
-    let farthest = worst.map_or(0.0, |(d, _)| d.abs());
-    let agree = farthest <= allowed;
-    let text = match worst {
+    let differences = compared.iter().map(|(other, error, freedom)| {
+        let value = other.estimates[k].estimate.value - own.estimate.value;
+        let (distance, allowed) = (value.abs() / error, allowed(compared.len(), *freedom));
+        Difference {
+            at: other.half_width,
+            excess: distance / allowed,
+            distance,
+            allowed,
+            value,
+        }
+    });
+    let worst = differences.max_by(|a, b| a.excess.total_cmp(&b.excess));
+    let se = own.estimate.se.unwrap_or(f64::INFINITY);
+    let text = match &worst {
         None => format!(
-            "{}: no other width has an estimate with an error to compare with.",
+            "{}: no other width has an estimate to compare with.",
             own.name
         ),
-        Some((distance, at)) => {
-            let range = values(k, near, own);
-            format!(
-                "{}: the estimates at the {} other widths from half to double the chosen one {} ({range}); the farthest, at {}, lies {} standard errors of a difference away, and chance allows {}.",
-                own.name,
-                distances.len(),
-                if agree {
-                    "agree within errors"
-                } else {
-                    "do not agree: the value depends on the width"
-                },
-                quantity(1e3 * at, "ms"),
-                significant(distance.abs(), 2),
-                significant(allowed, 2),
-            )
-        }
+        Some(worst) => format!(
+            "{}: the estimates at the {} other widths from half to double the chosen one {} ({}). The most telling difference, at {}, is {} of its own standard errors, where chance allows {}, and {} of those of the estimate.",
+            own.name,
+            compared.len(),
+            if worst.excess <= 1.0 {
+                "agree within errors"
+            } else {
+                "do not agree: the value depends on the width"
+            },
+            values(k, near, own),
+            quantity(1e3 * worst.at, "ms"),
+            significant(worst.distance, 2),
+            significant(worst.allowed, 2),
+            significant(worst.value.abs() / se, 2),
+        ),
     };
     Agreement {
         name: own.name.clone(),
-        compared: distances.len(),
-        farthest,
-        allowed,
-        agree,
+        compared: compared.len(),
+        farthest: worst.as_ref().map_or(0.0, |w| w.distance),
+        size: worst.as_ref().map_or(0.0, |w| w.value.abs() / se),
+        allowed: worst.as_ref().map_or(f64::INFINITY, |w| w.allowed),
+        agree: worst.is_some_and(|w| w.excess <= 1.0),
         text,
     }
+}
+
+/// Standard error of the difference of two estimates, and its degrees of freedom; `None` where one was not estimated.
+fn error(a: &[f64], b: &[f64]) -> Option<(f64, f64)> {
+    if a.is_empty() || b.is_empty() {
+        return None;
+    }
+    let share = |x: &[f64], c: usize| x.get(c).copied().unwrap_or_default();
+    let apart = (0..a.len().max(b.len())).map(|c| share(a, c) - share(b, c));
+    let apart: Vec<f64> = apart.filter(|d| *d != 0.0).collect();
+    let groups = apart.len() as f64;
+    let variance = apart.iter().map(|d| d * d).sum::<f64>() * groups / (groups - 1.0);
+    (groups > 1.0 && variance.is_finite()).then(|| (variance.sqrt(), groups - 1.0))
 }
 
 /// Range of a parameter over the widths compared, the chosen one included.
@@ -316,10 +395,10 @@ fn values(k: usize, near: &[&AtWidth], own: &Named) -> String {
     with_unit(&text, own.estimate.unit)
 }
 
-/// `Φ⁻¹(1 − 0.05/(2m))`.
-fn allowed(compared: usize) -> f64 {
+/// Quantile of Student's t that leaves `0.05/m` outside on both sides together.
+fn allowed(compared: usize, freedom: f64) -> f64 {
     let tail = FALSE_ALARM / (2 * compared.max(1)) as f64;
-    Normal::standard().inverse_cdf(1.0 - tail)
+    StudentsT::new(0.0, 1.0, freedom).map_or(f64::INFINITY, |t| t.inverse_cdf(1.0 - tail))
 }
 
 #[cfg(test)]
@@ -327,7 +406,7 @@ mod tests {
     use super::{AtWidth, Named, agreement, half_widths};
     use crate::diagnose::Estimate;
 
-    fn at(half_width: f64, value: f64, se: f64, chosen: bool) -> AtWidth {
+    fn at(half_width: f64, value: f64, share: f64, chosen: bool) -> AtWidth {
         AtWidth {
             half_width,
             rows: 100,
@@ -336,13 +415,14 @@ mod tests {
                 name: "inertia".to_owned(),
                 estimate: Estimate {
                     value,
-                    se: Some(se),
+                    se: Some(0.1),
                     unit: "kg*m^2",
                     status: "identified".to_owned(),
                 },
             }],
             linear: Vec::new(),
             failure: None,
+            influences: vec![vec![share; 4]],
         }
     }
 
@@ -356,20 +436,22 @@ mod tests {
 
     #[test]
     fn only_what_chance_does_not_allow_disagrees() {
-        // Two widths compared: Φ⁻¹(1 − 0.0125) = 2.24. Far widths do not count.
-        let far = at(0.3, 9.0, 0.1, false);
+        // Four blocks that add √3/8 each to one estimate and nothing to the other: √(4/3·4·3/64) = 0.5. Two widths
+        // compared: Student's t of 3 degrees of freedom at 1 − 0.0125 is 4.177. Far widths do not count.
+        let share = 3f64.sqrt() / 8.0;
         let widths = |x: f64| {
             vec![
-                at(0.05, x, 0.3, false),
-                at(0.07, 1.0, 0.4, true),
-                at(0.1, 1.1, 0.4, false),
-                far.clone(),
+                at(0.05, x, share, false),
+                at(0.07, 1.0, 0.0, true),
+                at(0.1, 1.1, share, false),
+                at(0.3, 9.0, share, false),
             ]
         };
-        let close = &agreement(&widths(1.0 + 2.2 * 0.5))[0];
+        let close = &agreement(&widths(1.0 + 4.1 * 0.5))[0];
         assert!(close.agree && close.compared == 2, "{close:?}");
-        assert!((close.allowed - 2.2414).abs() < 1e-3 && (close.farthest - 2.2).abs() < 1e-9);
-        let apart = &agreement(&widths(1.0 - 2.3 * 0.5))[0];
+        assert!((close.allowed - 4.1765).abs() < 1e-3 && (close.farthest - 4.1).abs() < 1e-9);
+        assert!((close.size - 20.5).abs() < 1e-9, "{close:?}");
+        let apart = &agreement(&widths(1.0 - 4.3 * 0.5))[0];
         assert!(
             !apart.agree && apart.text.contains("do not agree"),
             "{apart:?}"

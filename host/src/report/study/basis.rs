@@ -1,13 +1,13 @@
 //! The test functions and the windows that they are laid over.
 
-use super::super::page::{Band, Item, Plot, Role, Section, Style, Table};
-use super::super::points::{Points, dots};
-use super::super::runs::MOST_RECORDINGS;
-use super::super::subject::Subject;
-use super::super::thin::thin;
 use super::{POINTS, lines};
 use crate::dbi::{Laid, Shape, Study};
 use crate::format::{quantity, significant, whole_percent};
+use crate::report::page::{Band, Item, Plot, Role, Section, Style, Table};
+use crate::report::points::{Points, dots};
+use crate::report::runs::MOST_RECORDINGS;
+use crate::report::subject::Subject;
+use crate::report::thin::thin;
 
 /// The response is shown down to this, dB.
 const FLOOR: f64 = -80.0;

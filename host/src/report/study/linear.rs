@@ -1,12 +1,12 @@
 //! Forms of DBI that are linear in products of the parameters, beside the default estimates.
 
-use super::super::page::{Item, Plot, Role, Section, Style, Table};
-use super::super::points::Points;
 use super::basis::milliseconds;
 use super::widths::limit;
 use crate::dbi::{AtWidth, Found, LinearEstimate, LinearForm, Study};
 use crate::diagnose::Estimate;
 use crate::format::{parameter, significant, unit, value, with_unit};
+use crate::report::page::{Item, Plot, Role, Section, Style, Table};
+use crate::report::points::Points;
 
 /// A section if the model's law has such a form.
 pub(super) fn section(study: &Study) -> Option<Section> {

@@ -1,10 +1,10 @@
 //! The algebraic problem: its columns, its rows as a check, and what they leave.
 
-use super::super::page::{Band, Item, Plot, Role, Section, Table};
-use super::super::runs::MOST_RECORDINGS;
 use super::lines;
 use crate::dbi::Study;
 use crate::format::{quantity, scaled_unit, shortest, significant, unit, whole_percent, with_unit};
+use crate::report::page::{Band, Item, Plot, Role, Section, Table};
+use crate::report::runs::MOST_RECORDINGS;
 
 /// Rows of one recording, and where its held-out part begins.
 struct Part<'a> {
@@ -162,7 +162,7 @@ pub(super) fn check(study: &Study) -> Section {
                 part.plot("Residual", format!("residual [{fine_name}]"), &residual),
                 part.plot(
                     "Residual after whitening",
-                    "whitened residual [standard deviations]".to_owned(),
+                    "whitened [sd]".to_owned(),
                     &whitened,
                 ),
             ],

@@ -1,11 +1,11 @@
 //! Estimates against the width of the windows.
 
-use super::super::page::{Item, Plot, Role, Section, Style, Table};
-use super::super::points::Points;
-use super::super::tables::estimate_text;
 use super::basis::milliseconds;
 use crate::dbi::{AtWidth, Study};
 use crate::format::unit;
+use crate::report::page::{Item, Plot, Role, Section, Style, Table};
+use crate::report::points::Points;
+use crate::report::tables::estimate_text;
 
 /// Errors this many times the smallest one leave the ordinate to the better estimates.
 const MOST_ERROR: f64 = 10.0;
