@@ -23,6 +23,7 @@ fn examine(recipe: &Recipe) -> (Workbench, Outcome, Case) {
         u: made.u,
         q: Some(made.q),
         v: None,
+        input_unit: None,
     }];
     let model = Model::parse(&baseline_toml(recipe, &made.truth)).expect("a valid baseline");
     let (bench, baseline) = identify(&recording, &model, Options::default()).expect("identifies");

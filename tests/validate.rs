@@ -23,6 +23,7 @@ struct Trial {
     noise: Noise,
     verdict: String,
     names: Vec<&'static str>,
+    warned: Vec<&'static str>,
     line: String,
     /// Errors of inertia, Coulomb and viscous friction of the baseline, in standard errors.
     errors: Option<[f64; 3]>,
@@ -66,6 +67,7 @@ fn main() {
         trials.iter().for_each(|t| println!("{}", t.line));
     }
     clean_table(&trials);
+    warnings_table(&trials);
     coverage_table(&trials);
     confusion_matrix(&trials);
     size_table(&trials);
@@ -142,40 +144,48 @@ fn attempt(recipe: &Recipe, velocity_only: bool) -> Option<Trial> {
         u: made.u,
         q,
         v,
+        input_unit: None,
     }];
-    let (verdict, names, more, errors) = match identify(&recording, &model, Options::default())
-        .and_then(|(bench, baseline)| {
+    let (verdict, names, warned, more, errors) =
+        match identify(&recording, &model, Options::default()).and_then(|(bench, baseline)| {
             diagnose(&bench, &baseline, &recording, &|_| {}).map(|o| (bench, o))
         }) {
-        Ok((bench, outcome)) => {
-            let d = &outcome.diagnosis;
-            let more = format!(
-                "T {:.3} nrmse {:.3}->{:.3} J err {:+.3} left {:?} {:?}",
-                d.half_width[0],
-                d.fit.before.held_out.nrmse,
-                d.fit.after.held_out.nrmse,
-                outcome.after.inertia.value.unwrap_or(0.0) / made.truth.inertia - 1.0,
-                (
-                    d.leftover.gain,
-                    d.leftover.size,
-                    d.leftover.coordinates.first().copied()
-                ),
-                bench.problem.rows.len(),
-            );
-            let error = |p: &bristle::model::Parameter, truth: f64| {
-                (p.value.unwrap_or(f64::NAN) - truth) / p.se.unwrap_or(f64::NAN)
-            };
-            let before = &outcome.before;
-            let errors = [
-                error(&before.inertia, made.truth.inertia),
-                error(&before.coulomb, made.truth.coulomb),
-                error(&before.viscous, made.truth.viscous),
-            ];
-            let names = d.findings.iter().map(|f| f.id).collect();
-            (d.verdict, names, more, Some(errors))
-        }
-        Err(error) => (Verdict::Unknown, vec!["error"], error.to_string(), None),
-    };
+            Ok((bench, outcome)) => {
+                let d = &outcome.diagnosis;
+                let more = format!(
+                    "T {:.3} nrmse {:.3}->{:.3} J err {:+.3} left {:?} {:?}",
+                    d.half_width[0],
+                    d.fit.before.held_out.nrmse,
+                    d.fit.after.held_out.nrmse,
+                    outcome.after.inertia.value.unwrap_or(0.0) / made.truth.inertia - 1.0,
+                    (
+                        d.leftover.gain,
+                        d.leftover.size,
+                        d.leftover.coordinates.first().copied()
+                    ),
+                    bench.problem.rows.len(),
+                );
+                let error = |p: &bristle::model::Parameter, truth: f64| {
+                    (p.value.unwrap_or(f64::NAN) - truth) / p.se.unwrap_or(f64::NAN)
+                };
+                let before = &outcome.before;
+                let errors = [
+                    error(&before.inertia, made.truth.inertia),
+                    error(&before.coulomb, made.truth.coulomb),
+                    error(&before.viscous, made.truth.viscous),
+                ];
+                let names = d.findings.iter().map(|f| f.id).collect();
+                let warned = d.warnings.iter().map(|w| w.id).collect();
+                (d.verdict, names, warned, more, Some(errors))
+            }
+            Err(error) => (
+                Verdict::Unknown,
+                vec!["error"],
+                Vec::new(),
+                error.to_string(),
+                None,
+            ),
+        };
     let verdict = format!("{verdict:?}").to_lowercase();
     let line = format!(
         "{:?} seed {} size {} noise {:?} {:?} {:?} rate {} counts {} {} met {}: {verdict} {names:?} | {more}",
@@ -196,6 +206,7 @@ fn attempt(recipe: &Recipe, velocity_only: bool) -> Option<Trial> {
         noise: recipe.noise,
         verdict,
         names,
+        warned,
         line,
         errors,
     })
@@ -219,6 +230,21 @@ fn clean_table(trials: &[Trial]) {
             .collect();
         let right = clean.iter().filter(|t| t.verdict == "adequate").count();
         println!("  noise {noise:?}: {right} of {}", clean.len());
+    }
+}
+
+/// Warnings about recordings: those of clean plants are false, unless what they say is so.
+fn warnings_table(trials: &[Trial]) {
+    for (what, clean) in [("clean", true), ("all other", false)] {
+        let these = trials.iter().filter(|t| t.truth.is_empty() == clean);
+        let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+        for id in these.clone().flat_map(|t| &t.warned) {
+            *counts.entry(id).or_default() += 1;
+        }
+        println!(
+            "\nWarnings about {} {what} plants: {counts:?}",
+            these.count()
+        );
     }
 }
 

@@ -221,5 +221,6 @@ fn record(
         u: record.u,
         q: Some(record.q),
         v: None,
+        input_unit: None,
     })
 }

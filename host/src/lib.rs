@@ -2,10 +2,11 @@
 //!
 //! Data goes one way. A module uses only those before it in this order, which `tests/structure.rs` checks:
 //!
-//! format → motion → error → effects → model → recording → weak → problem → noise → linear → projection → system → scan → normal → uncertainty → refine → dictionary → axis → step → simulate → plant → excite → bench → fit → identify → stream → pem → curve → diagnose → dbi → report → cli
+//! format → motion → error → effects → model → recording → weak → problem → noise → linear → projection → system → scan → normal → uncertainty → refine → dictionary → axis → step → simulate → plant → excite → bench → fit → identify → stream → pem → curve → check → diagnose → experiment → dbi → report → cli
 
 pub mod axis;
 pub mod bench;
+pub mod check;
 pub mod cli;
 pub mod curve;
 pub mod dbi;
@@ -14,6 +15,7 @@ pub mod dictionary;
 pub mod effects;
 pub mod error;
 pub mod excite;
+pub mod experiment;
 pub mod fit;
 pub mod format;
 pub mod identify;

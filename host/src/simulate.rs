@@ -152,6 +152,7 @@ mod tests {
             u: t.iter().map(|&t| u(t)).collect(),
             q: None,
             v: None,
+            input_unit: None,
             t,
         }
     }
@@ -264,6 +265,7 @@ mod tests {
             u,
             q: None,
             v: None,
+            input_unit: None,
         };
         let states = run(&axis, &recording, 0, 39, State::default());
         let since = 0.029;

@@ -68,6 +68,7 @@ impl Command {
         })?;
         let written = outputs.write()?;
         progress.finish();
+        terminal::warnings(&study.warnings);
         terminal::study(&study);
         terminal::written(&written);
         Ok(DONE)

@@ -12,8 +12,9 @@ use super::windows::Windows;
 use super::{DONE, Outcome, terminal};
 use crate::diagnose::{Diagnosis, Verdict, diagnose};
 use crate::error::Error;
+use crate::experiment::{self, NextExperiment};
 use crate::identify::identify;
-use crate::model::Model;
+use crate::model::{Causality, Model};
 use crate::recording::Recording;
 use crate::report;
 use crate::stream;
@@ -48,6 +49,9 @@ pub(super) struct Command {
     /// Write a self-contained HTML report with plots
     #[arg(long, value_name = "OUT.html")]
     report: Option<PathBuf>,
+    /// Write the excitation that would decide most: t, u to apply, and the position to expect
+    #[arg(long, value_name = "OUT.csv")]
+    next_experiment: Option<PathBuf>,
     #[command(flatten)]
     windows: Windows,
     /// Exit with status 3 when the model leaves something out, for use in a pipeline
@@ -60,6 +64,7 @@ pub(super) struct Command {
 struct Written<'a> {
     #[serde(flatten)]
     diagnosis: &'a Diagnosis,
+    next_experiment: Option<&'a NextExperiment>,
     /// Samples of the recordings, and how many of them were diagnosed.
     samples: usize,
     diagnosed_samples: usize,
@@ -81,10 +86,17 @@ impl Command {
                 self.model_out.as_ref(),
                 self.json.as_ref(),
                 self.report.as_ref(),
+                self.next_experiment.as_ref(),
             ],
         )?;
         let progress = Meter::new();
         let model = Model::read_to_fit(&self.model)?;
+        if self.next_experiment.is_some() && model.causality == Causality::Inverse {
+            return Err(Error::Usage(format!(
+                "--next-experiment does not apply to {}: its causality is \"inverse\", so another machine imposes the motion and there is no u to choose",
+                self.model.display()
+            )));
+        }
         let input = Input::open(&self.recordings, &model, stream::LONG, &progress)?;
         let samples = input.samples();
         let recordings = match input {
@@ -99,21 +111,31 @@ impl Command {
             progress.say(what);
         })
         .map_err(|e| named(e, &self.recordings, &self.model))?;
+        progress.say("planning the next experiment");
+        let next = experiment::next(&outcome, &bench, &recordings)?;
         progress.say("writing");
         let mut outputs = Outputs::default();
         outputs.add(self.model_out.as_ref(), || Ok(outcome.after.to_toml()))?;
         outputs.add(self.json.as_ref(), || {
             json(&Written {
                 diagnosis: &outcome.diagnosis,
+                next_experiment: next.as_ref(),
                 samples,
                 diagnosed_samples: diagnosed,
             })
         })?;
         outputs.add(self.report.as_ref(), || {
-            report::diagnosis(&outcome, &bench, &recordings)
+            report::diagnosis(&outcome, next.as_ref(), &bench, &recordings)
+        })?;
+        outputs.add(self.next_experiment.as_ref(), || match &next {
+            Some(next) => Ok(next.csv.clone()),
+            None => Err(Error::NotIdentifiable(
+                "no excitation within the levels of u, speed and travel recorded so far would tell anything new; leave --next-experiment out, or record at higher levels".to_owned(),
+            )),
         })?;
         let written = outputs.write()?;
         progress.finish();
+        terminal::warnings(&outcome.diagnosis.warnings);
         if diagnosed < samples {
             terminal::note(&format!(
                 "of {samples} samples, {} stretches of {diagnosed} samples in all were diagnosed, spread evenly over the recordings; identify reads every sample",
@@ -121,6 +143,9 @@ impl Command {
             ));
         }
         terminal::diagnosis(&outcome.diagnosis, outcome.after.causality);
+        if let Some(next) = &next {
+            anstream::println!("\n{}", next.text);
+        }
         terminal::written(&written);
         Ok(outcome.diagnosis.verdict)
     }
@@ -133,6 +158,7 @@ impl Command {
             model_out: Some(folder.join("diagnosed.toml")),
             json: Some(folder.join("diagnosis.json")),
             report: Some(folder.join("report.html")),
+            next_experiment: None,
             windows: Windows::default(),
             check: false,
         }

@@ -14,6 +14,7 @@ use super::output::{self, Outputs};
 use super::terminal::Meter;
 use super::windows::Windows;
 use super::{DONE, Outcome, terminal};
+use crate::check::{self, Warning};
 use crate::diagnose::{Estimates, estimates};
 use crate::fit::Fit;
 use crate::identify::{Identified, Tried, Workbench, identify};
@@ -65,6 +66,7 @@ pub(super) struct Command {
 #[derive(Serialize)]
 struct Identification {
     schema: &'static str,
+    warnings: Vec<Warning>,
     method: Method,
     #[serde(skip_serializing_if = "Option::is_none")]
     minimisation: Option<Minimisation>,
@@ -131,6 +133,7 @@ impl Command {
             schema: "bristle.identification/1",
             method: self.how.method,
             minimisation: found.minimisation,
+            warnings: check::warnings(&found.bench, &found.identified.model, &found.shown),
             parameters: estimates(&found.identified.model, None),
             fit: found.identified.fit,
             half_width: widths.map(|(w, t)| w.reach as f64 * t.period).collect(),
@@ -149,10 +152,16 @@ impl Command {
         })?;
         outputs.add(self.json.as_ref(), || json(&identification))?;
         outputs.add(self.report.as_ref(), || {
-            report::identification(&found.identified, &found.bench, &found.shown)
+            report::identification(
+                &found.identified,
+                &identification.warnings,
+                &found.bench,
+                &found.shown,
+            )
         })?;
         let written = outputs.write()?;
         progress.finish();
+        terminal::warnings(&identification.warnings);
         terminal::identification(
             &identification.parameters,
             &identification.fit,

@@ -8,6 +8,7 @@ use std::time::Duration;
 use anstyle::{AnsiColor, Style};
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::check::Warning;
 use crate::curve::Curve;
 use crate::dbi::Study;
 use crate::diagnose::{Diagnosis, Estimates, Finding, Verdict};
@@ -106,6 +107,18 @@ pub(super) fn throughput(samples: usize, per_second: f64) {
 pub(super) fn error(error: &Error) {
     let red = colour(AnsiColor::Red);
     anstream::eprintln!("{red}error:{red:#} {error}");
+}
+
+/// What there is to know about the recordings, a line each on the error stream.
+pub(super) fn warnings(warnings: &[Warning]) {
+    let yellow = colour(AnsiColor::Yellow);
+    for warning in warnings {
+        anstream::eprintln!(
+            "{yellow}warning:{yellow:#} {} ({})",
+            warning.text,
+            warning.id
+        );
+    }
 }
 
 fn table(out: &mut String, estimates: &Estimates) {

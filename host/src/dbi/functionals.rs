@@ -207,6 +207,7 @@ mod tests {
                     .collect(),
             ),
             v: None,
+            input_unit: None,
             t,
         };
         let model = Model::parse(

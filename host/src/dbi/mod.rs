@@ -20,6 +20,7 @@ pub use shape::Shape;
 pub use whiteness::Whiteness;
 pub use widths::{Agreement, AtWidth, Found, LinearEstimate, Named, Product};
 
+use crate::check::{self, Warning};
 use crate::diagnose::{Estimates, estimates};
 use crate::fit::Fit;
 use crate::identify::{Identified, Workbench};
@@ -36,6 +37,8 @@ pub struct Study {
     pub parameters: Estimates,
     /// How they predict.
     pub fit: Fit,
+    /// What is wrong with the recordings.
+    pub warnings: Vec<Warning>,
     /// One for each half-width among the recordings.
     pub test_functions: Vec<Shape>,
     /// Where the windows lie.
@@ -87,6 +90,7 @@ impl Study {
             schema: "bristle.dbi/1",
             parameters: estimates(model, None),
             fit: identified.fit,
+            warnings: check::warnings(bench, model, recordings),
             test_functions: half_widths.into_iter().map(Shape::new).collect(),
             windows,
             functionals: Functionals::new(bench, model),

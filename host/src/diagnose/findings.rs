@@ -52,7 +52,7 @@ pub(super) fn findings(
             },
             model: estimates(&stage, None),
             fit: last_fit,
-            rivals: rivals(bench, &last_stage, selected, recordings)?,
+            rivals: rivals(bench, &last_stage, (selected, now), recordings)?,
         });
         (last_error, last_z, last_stage) = (now, z, stage);
     }
@@ -71,11 +71,12 @@ fn confidence(selected: &Selected, error_after: f64) -> f64 {
     (0.99 / (1.0 + others)).max(0.01)
 }
 
-/// Effects that would have explained at least half as much, each fitted in the place of the finding.
+/// Effects that would have explained at least half as much and, fitted in the place of the finding, leave an error that
+/// is not larger by more than what counts as a difference at all.
 fn rivals(
     bench: &Workbench,
     before: &Model,
-    selected: &Selected,
+    (selected, error_with_it): (&Selected, f64),
     recordings: &[Recording],
 ) -> Result<Vec<Rival>> {
     let close = selected
@@ -84,15 +85,18 @@ fn rivals(
         .filter(|o| o.delta_bic >= 0.5 * selected.trial.delta_bic);
     let rival = |other: &Trial| {
         let instead = bench.fit(&select::with_trial(before, other), recordings)?;
-        Ok(Rival {
+        if error(bench, &instead.model)? * (1.0 - select::FLOOR) > error_with_it {
+            return Ok(None);
+        }
+        Ok(Some(Rival {
             id: other.effect.id(),
             delta_bic: other.delta_bic,
             model: estimates(&instead.model, None),
             fit: instead.fit,
             tell_apart_by: effects::tell_apart(selected.trial.effect, other.effect),
-        })
+        }))
     };
-    close.map(rival).collect()
+    close.filter_map(|other| rival(other).transpose()).collect()
 }
 
 /// Parameters of a whole model, or of one of its terms with what follows from them.

@@ -14,6 +14,7 @@ pub use outcome::{
     Unexplained, Verdict,
 };
 
+use crate::check;
 use crate::error::Result;
 use crate::identify::{Identified, Workbench};
 use crate::model::Model;
@@ -46,12 +47,17 @@ pub fn diagnose(
     let reached = (base_error - remaining)
         / (base_error - remaining * (1.0 - leftover.gain)).max(f64::MIN_POSITIVE);
     let significant = leftover.certain;
-    let (selected, after) = if significant && reached < SHARE_OF_GENERIC && !selected.is_empty() {
+    let (selected, mut after) = if significant && reached < SHARE_OF_GENERIC && !selected.is_empty()
+    {
         leftover = select::leftover(bench, before)?;
         (Vec::new(), before.clone())
     } else {
         (selected, after)
     };
+    if !selected.is_empty() {
+        progress("how certain it is");
+        bench.settle(&mut after, recordings);
+    }
     let hopeless =
         selected.is_empty() && baseline.fit.train.nrmse.min(baseline.fit.held_out.nrmse) > HOPELESS;
     let verdict = if significant || hopeless {
@@ -74,6 +80,7 @@ pub fn diagnose(
     let diagnosis = Diagnosis {
         schema: "bristle.diagnosis/1",
         verdict,
+        warnings: check::warnings(bench, before, recordings),
         text: verdict_sentence(verdict, &findings, unexplained.as_ref()),
         baseline: Baseline {
             parameters: estimates(before, None),

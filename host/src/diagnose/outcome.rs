@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::Where;
+use crate::check::Warning;
 use crate::fit::Fit;
 use crate::model::Model;
 
@@ -131,6 +132,8 @@ pub struct Diagnosis {
     pub verdict: Verdict,
     /// The verdict in a sentence.
     pub text: String,
+    /// What there is to know about the recordings before the rest is trusted.
+    pub warnings: Vec<Warning>,
     /// The baseline.
     pub baseline: Baseline,
     /// Where the baseline fails.

@@ -13,7 +13,7 @@ use crate::system;
 /// Share by which the cross-validated squared error must fall: 10 % of the RMS error. Reversals and coloured noise
 /// leave artefacts that are statistically significant but stay below this on clean recordings; the rate of false
 /// alarms that it leaves is measured by the `validate` example.
-const FLOOR: f64 = 0.19;
+pub(super) const FLOOR: f64 = 0.19;
 /// Torque that no effect explains counts from this share of the drive's RMS on: a sixth of the smallest effects that are
 /// looked for (3 %), and about what smoothing and sampling leave behind where the noise is very low.
 const SMALLEST: f64 = 0.005;

@@ -148,6 +148,7 @@ mod tests {
                 .collect(),
             q: None,
             v: None,
+            input_unit: None,
             t,
         };
         let axis = Axis::new(&truth).unwrap();

@@ -12,6 +12,8 @@ pub(super) struct Column {
     pub index: usize,
     pub header: String,
     pub factor: f64,
+    /// The unit in its header, if there is one.
+    pub unit: Option<String>,
 }
 
 /// The names that the first line gives.
@@ -53,7 +55,8 @@ impl Header<'_> {
             };
         };
         let header = self.names[index];
-        let factor = match split_unit(header).1 {
+        let unit = split_unit(header).1;
+        let factor = match unit {
             None => 1.0,
             Some(unit) => units::factor(name, unit, self.source.motion)
                 .map_err(|what| self.refuse(header, what))?,
@@ -63,6 +66,7 @@ impl Header<'_> {
             index,
             header: header.to_owned(),
             factor,
+            unit: unit.map(str::to_owned),
         }))
     }
 

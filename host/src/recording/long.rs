@@ -167,12 +167,20 @@ impl Long {
             Content::Text { layout, .. } => layout.used.iter().any(|c| c.name == name),
             Content::Loaded(r) => (name == "q" && r.q.is_some()) || (name == "v" && r.v.is_some()),
         };
+        let input_unit = match &self.content {
+            Content::Text { layout, .. } => {
+                let input = layout.used.iter().find(|c| c.name == "u");
+                input.and_then(|c| c.unit.clone())
+            }
+            Content::Loaded(r) => r.input_unit.clone(),
+        };
         Recording {
             path: self.path.clone(),
             t: Vec::new(),
             u: Vec::new(),
             q: has("q").then(Vec::new),
             v: has("v").then(Vec::new),
+            input_unit,
         }
     }
 }

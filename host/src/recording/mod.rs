@@ -33,6 +33,8 @@ pub struct Recording {
     pub q: Option<Vec<f64>>,
     /// Measured velocity, rad/s or m/s.
     pub v: Option<Vec<f64>>,
+    /// The unit that the header gives `u`, as it stands there.
+    pub input_unit: Option<String>,
 }
 
 impl Recording {

@@ -75,7 +75,9 @@ impl Source<'_> {
     pub fn table(&self, used: &[Column], values: Vec<Vec<f64>>) -> Recording {
         let mut values: BTreeMap<&str, Vec<f64>> =
             used.iter().map(|column| column.name).zip(values).collect();
+        let input = used.iter().find(|column| column.name == "u");
         Recording {
+            input_unit: input.and_then(|column| column.unit.clone()),
             path: self.path.to_owned(),
             t: values.remove("t").unwrap_or_default(),
             u: values.remove("u").unwrap_or_default(),

@@ -8,8 +8,10 @@ use super::runs;
 use super::spread::{FEWEST, Spreads};
 use super::subject::{Judged, Prediction, Subject};
 use super::tables::{errors, nrmse, parameters, rms};
+use crate::check::Warning;
 use crate::diagnose::{Diagnosis, Outcome, Verdict};
 use crate::error::Result;
+use crate::experiment::NextExperiment;
 use crate::fit::HORIZON;
 use crate::format::{percent, quantity, scaled_unit, shortest, significant, value, with_unit};
 use crate::identify::{Identified, Workbench};
@@ -21,6 +23,7 @@ use crate::weak::{Part, TRAIN_SHARE};
 /// The page of a diagnosis.
 pub(super) fn diagnosis(
     outcome: &Outcome,
+    next: Option<&NextExperiment>,
     bench: &Workbench,
     recordings: &[Recording],
 ) -> Result<Page> {
@@ -55,6 +58,7 @@ pub(super) fn diagnosis(
             text: diagnosis.text.clone(),
             points: points(diagnosis),
         }),
+        warnings: texts(&diagnosis.warnings),
         figures: figures(&subject, &spreads),
         figures_note: figures_note(&subject, &predictions),
         sections: vec![
@@ -62,7 +66,7 @@ pub(super) fn diagnosis(
             rows::section(&subject, &rows, place),
             friction::section(&subject, &rows)?,
             findings::section(diagnosis, &spreads.held_out),
-            findings::next_experiment(&subject, diagnosis),
+            findings::next_experiment(&subject, diagnosis, next),
             parameters(&subject),
             errors(&subject, &spreads),
             method(&subject),
@@ -73,6 +77,7 @@ pub(super) fn diagnosis(
 /// The page of an identification.
 pub(super) fn identification(
     identified: &Identified,
+    warnings: &[Warning],
     bench: &Workbench,
     recordings: &[Recording],
 ) -> Result<Page> {
@@ -92,6 +97,7 @@ pub(super) fn identification(
         title: format!("Identification of {}", named(&identified.model)),
         facts: facts(&subject),
         verdict: None,
+        warnings: texts(warnings),
         figures: figures(&subject, &spreads),
         figures_note: figures_note(&subject, &predictions),
         sections: vec![
@@ -124,6 +130,10 @@ fn points(diagnosis: &Diagnosis) -> Vec<String> {
         .map(|f| format!("{}: {}", f.name, f.text))
         .chain(caution)
         .collect()
+}
+
+pub(super) fn texts(warnings: &[Warning]) -> Vec<String> {
+    warnings.iter().map(|w| w.text.clone()).collect()
 }
 
 fn predictions(subject: &Subject) -> Result<Vec<Prediction>> {

@@ -6,6 +6,7 @@ use super::subject::Subject;
 use super::tables::{estimate_text, nrmse};
 use crate::diagnose::{Diagnosis, Finding, Unexplained, Verdict};
 use crate::effects;
+use crate::experiment::NextExperiment;
 use crate::format::{percent, quantity, range, significant, whole_percent};
 
 /// The findings with their evidence and rivals, and what stays unexplained.
@@ -173,7 +174,11 @@ pub(super) fn poor(diagnosis: &Diagnosis) -> Option<f64> {
 }
 
 /// The experiment that would decide most.
-pub(super) fn next_experiment(subject: &Subject, diagnosis: &Diagnosis) -> Section {
+pub(super) fn next_experiment(
+    subject: &Subject,
+    diagnosis: &Diagnosis,
+    next: Option<&NextExperiment>,
+) -> Section {
     let mut points: Vec<String> = Vec::new();
     for finding in &diagnosis.findings {
         for rival in &finding.rivals {
@@ -207,7 +212,16 @@ pub(super) fn next_experiment(subject: &Subject, diagnosis: &Diagnosis) -> Secti
     };
     Section {
         title: "Next experiment".to_owned(),
-        items: vec![item],
+        items: next
+            .map(|next| {
+                Item::text(format!(
+                    "{} bristle diagnose --next-experiment writes it as a file.",
+                    next.text
+                ))
+            })
+            .into_iter()
+            .chain([item])
+            .collect(),
     }
 }
 

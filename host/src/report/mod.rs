@@ -19,25 +19,35 @@ mod thin;
 #[cfg(test)]
 mod tests;
 
+use crate::check::Warning;
 use crate::dbi::Study;
 use crate::diagnose::Outcome;
 use crate::error::{Error, Result};
+use crate::experiment::NextExperiment;
 use crate::identify::{Identified, Workbench};
 use crate::recording::Recording;
 use page::Page;
 
 /// The HTML text of a diagnosis. Fails only if a model has no values, or on a defect.
-pub fn diagnosis(outcome: &Outcome, bench: &Workbench, recordings: &[Recording]) -> Result<String> {
-    render(&data::diagnosis(outcome, bench, recordings)?)
+pub fn diagnosis(
+    outcome: &Outcome,
+    next: Option<&NextExperiment>,
+    bench: &Workbench,
+    recordings: &[Recording],
+) -> Result<String> {
+    render(&data::diagnosis(outcome, next, bench, recordings)?)
 }
 
 /// The HTML text of an identification. Fails only if a model has no values, or on a defect.
 pub fn identification(
     identified: &Identified,
+    warnings: &[Warning],
     bench: &Workbench,
     recordings: &[Recording],
 ) -> Result<String> {
-    render(&data::identification(identified, bench, recordings)?)
+    render(&data::identification(
+        identified, warnings, bench, recordings,
+    )?)
 }
 
 /// The HTML text of a study of DBI. Fails only on a defect.

@@ -31,6 +31,11 @@
       element(verdict, "p", "", page.verdict.text);
       if (page.verdict.points.length) list(header, page.verdict.points);
     }
+    if (page.warnings.length) {
+      const warnings = element(header, "div", "warnings");
+      element(warnings, "p", "", "Before the numbers are trusted:");
+      list(warnings, page.warnings);
+    }
     const facts = element(header, "dl", "facts");
     for (const [what, value] of page.facts) {
       element(facts, "dt", "", what);

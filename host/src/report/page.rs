@@ -13,6 +13,8 @@ pub struct Page {
     pub facts: Vec<[String; 2]>,
     /// Verdict of a diagnosis.
     pub verdict: Option<Verdict>,
+    /// What there is to know about the recordings before the rest is trusted, a sentence or two each.
+    pub warnings: Vec<String>,
     /// The headline numbers.
     pub figures: Vec<Figure>,
     /// What the headline numbers' errors mean.

@@ -33,6 +33,7 @@ fn recording() -> Recording {
         u,
         q: Some(position),
         v: None,
+        input_unit: None,
     }
 }
 
@@ -87,6 +88,7 @@ fn hostile_texts_stay_texts() {
         title: name.to_owned(),
         facts: vec![[name.to_owned(), name.to_owned()]],
         verdict: None,
+        warnings: Vec::new(),
         figures: Vec::new(),
         figures_note: name.to_owned(),
         sections: Vec::new(),
@@ -159,7 +161,7 @@ fn a_diagnosis_is_self_contained_and_complete() {
     let model = model("coulomb = 0.15\nviscous = 0.0\n");
     let (bench, baseline) = identify(&recordings, &model, Options::default()).unwrap();
     let outcome = diagnose(&bench, &baseline, &recordings, &|_| {}).unwrap();
-    let page = diagnosis(&outcome, &bench, &recordings).unwrap();
+    let page = diagnosis(&outcome, None, &bench, &recordings).unwrap();
     assert_self_contained(&page);
     assert!(page.contains("<title>Diagnosis of A &amp; B&lt;/script&gt;</title>"));
     let data = data(&page);
@@ -228,7 +230,7 @@ fn an_identification_shows_its_parameters_with_errors() {
         Options::default(),
     )
     .unwrap();
-    let page = identification(&identified, &bench, &recordings).unwrap();
+    let page = identification(&identified, &[], &bench, &recordings).unwrap();
     assert_self_contained(&page);
     let data = data(&page);
     let rows = &data["sections"][0]["items"][0]["rows"];
@@ -283,7 +285,7 @@ fn a_recording_of_velocity_alone_is_shown_as_velocity() {
         Options::default(),
     )
     .unwrap();
-    let data = data(&identification(&identified, &bench, &recordings).unwrap());
+    let data = data(&identification(&identified, &[], &bench, &recordings).unwrap());
     let plots = assert_sound(&data);
     assert_eq!(plot_titles(&plots)[0], "Velocity, restarted every 1 s");
     assert!(plots[0]["y_label"].as_str().unwrap().ends_with("rad/s]"));
@@ -295,7 +297,7 @@ fn an_inverse_recording_is_shown_by_its_force() {
     let mut model = model("coulomb = \"?\"\nviscous = \"?\"\n");
     model.causality = Causality::Inverse;
     let (bench, identified) = identify(&recordings, &model, Options::default()).unwrap();
-    let data = data(&identification(&identified, &bench, &recordings).unwrap());
+    let data = data(&identification(&identified, &[], &bench, &recordings).unwrap());
     let plots = assert_sound(&data);
     let titles = plot_titles(&plots);
     assert_eq!(titles[0], "Torque u along the measured motion");
@@ -311,7 +313,7 @@ fn two_recordings_have_plots_of_their_own() {
         Options::default(),
     )
     .unwrap();
-    let data = data(&identification(&identified, &bench, &recordings).unwrap());
+    let data = data(&identification(&identified, &[], &bench, &recordings).unwrap());
     let plots = assert_sound(&data);
     let runs = plot_titles(&plots).into_iter();
     assert_eq!(

@@ -97,6 +97,7 @@ pub fn identify(
     let chi2 = normal.objective(&model);
     let free = free_parameters(&model);
     uncertainty::assess(&mut model, &free, &normal);
+    bench.settle(&mut model, &stretches);
     for (k, parameter) in taken {
         *model.parameters_mut()[k] = parameter;
     }

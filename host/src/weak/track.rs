@@ -30,6 +30,8 @@ pub struct Track {
     pub position_noise: f64,
     /// Standard deviation of the smoothed velocity.
     pub velocity_noise: f64,
+    /// How velocity is smoothed.
+    pub smoothing: Smoothing,
     /// Share of the time in which the axis may rest at reversals without its positions showing it.
     pub doubt: f64,
     /// First node of the held-out part.
@@ -40,7 +42,7 @@ pub struct Track {
 }
 
 /// How the velocity of all pieces of a recording is smoothed.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Smoothing {
     /// Half-width of the filter, s.
     half_width: f64,
@@ -49,6 +51,15 @@ pub struct Smoothing {
 }
 
 impl Smoothing {
+    /// By a filter of half the width.
+    #[must_use]
+    pub fn finer(&self) -> Self {
+        Self {
+            half_width: 0.5 * self.half_width,
+            ..*self
+        }
+    }
+
     /// What some stretches of recordings together ask for, by the rule for a recording. `None` without any.
     pub fn of(tracks: &[Track], velocity_only: bool) -> Option<Self> {
         let mut noises: Vec<f64> = tracks.iter().map(|t| t.position_noise).collect();
@@ -169,6 +180,7 @@ impl Track {
             sliding: Vec::new(),
             barred: Vec::new(),
             velocity_noise: 0.0,
+            smoothing: Smoothing::default(),
             doubt: 0.0,
             input,
         };
@@ -180,6 +192,10 @@ impl Track {
             Some(smoothing) => track.differentiate_as(smoothing, velocity_only),
         };
         let half = filter.half();
+        track.smoothing = Smoothing {
+            half_width: half as f64 * period,
+            position_noise: track.position_noise,
+        };
         let reversals = track.reversals(&filter, balance);
         track.doubt = reversals.iter().map(|r| r.doubt).sum::<f64>() / track.q.len() as f64;
         for reversal in &reversals {
@@ -611,6 +627,7 @@ mod tests {
             u: t.iter().map(|t| t.sin()).collect(),
             q: Some(t.iter().map(|&t| q(t)).collect()),
             v: None,
+            input_unit: None,
             t,
         };
         let track = Track::new(&recording, Motion::Rotary, None);

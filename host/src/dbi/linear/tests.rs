@@ -25,6 +25,7 @@ fn record(model: &Model, counts: f64, sines: &[(f64, f64)]) -> Recording {
         t,
         q: None,
         v: None,
+        input_unit: None,
     };
     let rest = State { q: 0.0, v: 0.0 };
     let states = run(&axis, &recording, 0, recording.len() - 1, rest);

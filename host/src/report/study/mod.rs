@@ -48,6 +48,7 @@ pub(super) fn page(
         title: format!("DBI study of {}", data::named(&identified.model)),
         facts: data::facts(&subject),
         verdict: None,
+        warnings: data::texts(&study.warnings),
         figures: figures(study),
         figures_note: String::new(),
         sections,

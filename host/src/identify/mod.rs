@@ -1,29 +1,29 @@
 //! Identification by the weak form (DBI): from recordings and a model with unknowns to values with errors.
 
+mod bend;
+mod side;
+mod smoothing;
+mod width;
+
 use std::rc::Rc;
 
 use crate::dictionary::Dictionary;
 use crate::error::{Error, Result};
 use crate::fit::{self, Fit};
-use crate::format::{quantity, whole_percent};
 use crate::linear;
-use crate::model::{Causality, Model, Parameter, Term};
+use crate::model::{Causality, Model, Parameter};
 use crate::noise::Noise;
-use crate::problem::{Problem, Response};
+use crate::problem::Problem;
 use crate::recording::Recording;
 use crate::refine;
 use crate::scan::{self, Ground};
 use crate::system::{self, System};
 use crate::weak::{Balance, Part, Track};
 
-/// Half-widths of test functions that are tried, s. The narrowest passes motion up to 7 Hz (−3 dB), the band in which an
-/// axis is a rigid body and its drive an ideal one; narrower windows bring in current loops and resonances.
-const HALF_WIDTHS: [f64; 4] = [0.07, 0.1, 0.14, 0.2];
-/// Samples under half a test function at least: below, the trapezoidal sums lose their accuracy.
-const FEWEST_SAMPLES: usize = 8;
-/// Encoder noise in `∫q φ̈` falls with the width to the power −5/2, everything else with −1/2 at most. Where it makes up
-/// this share of the residual variance or less, widening gains little precision and loses resolution in time.
-const MOST_ENCODER_SHARE: f64 = 1.0 / 3.0;
+use side::choose_response;
+use width::choose_width;
+pub use width::{Tried, Width};
+
 /// Rows that a fit needs at least.
 const FEWEST_ROWS: usize = 40;
 
@@ -55,52 +55,6 @@ pub struct Workbench {
 pub struct Options {
     /// Half-width of the test functions, s.
     pub half_width: Option<f64>,
-}
-
-/// A half-width that was tried.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Tried {
-    /// Half-width of the test functions, s.
-    pub half_width: f64,
-    /// Windows in the training part.
-    pub rows: usize,
-    /// Share of the residual variance that encoder noise accounts for; none where there are too few windows to tell.
-    pub encoder_share: Option<f64>,
-}
-
-/// The choice of the windows.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Width {
-    /// What was tried, the last of it chosen.
-    pub tried: Vec<Tried>,
-    /// Whether the user chose.
-    pub asked: bool,
-}
-
-impl Width {
-    /// The choice in a sentence.
-    pub fn reason(&self) -> String {
-        let Some(chosen) = self.tried.last() else {
-            return String::new();
-        };
-        let why = match (self.asked, chosen.encoder_share) {
-            (true, _) => "as asked for".to_owned(),
-            (_, None) => "as the recording is too short for more".to_owned(),
-            (_, Some(share)) if share <= MOST_ENCODER_SHARE => format!(
-                "the narrowest at which encoder noise makes up less than a third of the residual variance ({})",
-                whole_percent(share)
-            ),
-            (_, Some(share)) => format!(
-                "the widest, as encoder noise makes up {} of the residual variance",
-                whole_percent(share)
-            ),
-        };
-        format!(
-            "Test functions of half-width {}, {why}; {} windows.",
-            quantity(1e3 * chosen.half_width, "ms"),
-            chosen.rows
-        )
-    }
 }
 
 /// A model with estimated values, and how well it predicts.
@@ -263,94 +217,6 @@ impl Workbench {
         Ok(score.chi2)
     }
 
-    /// The last step of the hierarchy: the breakaway distance of bristles that fits best, together with the Stribeck
-    /// velocity where that is unknown. `None` where there is nothing to find, or nothing that physics allows.
-    fn bend(&self, model: &Model) -> Option<Model> {
-        let bristles = model.bristle_term()?;
-        let free = |term: usize| {
-            let inner = model.terms[term].effect.inner()?;
-            let parameter = &model.terms[term].parameters[inner];
-            (!parameter.known && parameter.se.is_none()).then_some(inner)
-        };
-        let stiffness = free(bristles)?;
-        let fall = model.terms.iter().position(Term::falls);
-        let velocity = fall.and_then(|k| free(k).map(|inner| (k, inner)));
-        // What the motion does to bristles depends on the ratios of stiffness and levels alone. Sliding levels found
-        // without bristles can be anything where most of the motion is bending, so ratios come first.
-        let mut scaled = model.clone();
-        if !model.coulomb.known {
-            scaled.coulomb.value = Some(1.0);
-        }
-        if let Some(level) = fall.map(|k| &mut scaled.terms[k].parameters[0])
-            && !level.known
-        {
-            level.value = scaled.coulomb.value;
-        }
-        let survey = self.problem.survey(&scaled);
-        let velocities = velocity.map_or(vec![None], |(k, inner)| {
-            let grid = model.terms[k].effect.grid(&survey).into_iter();
-            grid.map(|v| Some((k, inner, v))).collect()
-        });
-        let mut best: Option<(f64, Model)> = None;
-        for start in model.terms[bristles].effect.grid(&survey) {
-            for velocity in &velocities {
-                let mut model = scaled.clone();
-                model.terms[bristles].parameters[stiffness].value = Some(start);
-                if let Some((k, inner, v)) = *velocity {
-                    model.terms[k].parameters[inner].value = Some(v);
-                }
-                let level = survey.coulomb;
-                let Some((chi2, mut model)) = self.solve_undamped(model, bristles) else {
-                    continue;
-                };
-                let ratio = model.coulomb.value.unwrap_or_default() / level;
-                if ratio > 0.0 && best.as_ref().is_none_or(|(least, _)| chi2 < *least) {
-                    model.terms[bristles].parameters[stiffness].value = Some(start * ratio);
-                    best = Some((chi2, model));
-                }
-            }
-        }
-        if let Some((_, model)) = best {
-            return Some(model);
-        }
-        // Nothing shows them: next to stiff, with an error without bound.
-        let mut stiff = model.clone();
-        let stiffest = model.terms[bristles].effect.grid(&survey).last().copied()?;
-        let level = model.coulomb.value.unwrap_or_default().max(0.0);
-        for (k, parameter) in stiff.terms[bristles].parameters.iter_mut().enumerate() {
-            if !parameter.known {
-                let value = if k == stiffness {
-                    stiffest * level / survey.coulomb
-                } else {
-                    0.0
-                };
-                (parameter.value, parameter.se) = (Some(value), Some(f64::INFINITY));
-            }
-        }
-        Some(stiff)
-    }
-
-    /// The linear parameters of a model with given bristles, these without damping if it would be negative.
-    fn solve_undamped(&self, mut model: Model, bristles: usize) -> Option<(f64, Model)> {
-        let chi2 = self.solve(&mut model).ok()?;
-        match system::inadmissible(&model) {
-            None => Some((chi2, model)),
-            Some(term) if term == bristles => {
-                let damping = model.terms[bristles].parameters.last_mut()?;
-                let free = std::mem::replace(damping, Parameter::known(0.0));
-                let chi2 = self.solve(&mut model).ok()?;
-                *model.terms[bristles].parameters.last_mut()? = Parameter {
-                    value: Some(0.0),
-                    ..free
-                };
-                system::inadmissible(&model)
-                    .is_none()
-                    .then_some((chi2, model))
-            }
-            Some(_) => None,
-        }
-    }
-
     /// The inertia to take where a model leaves so much out that its own estimate is negative.
     fn fallback_inertia(&self, model: &Model) -> Result<f64> {
         if model.causality == Causality::Inverse {
@@ -401,7 +267,8 @@ impl Workbench {
 
     /// Estimates and judges a model.
     pub fn fit(&self, model: &Model, recordings: &[Recording]) -> Result<Identified> {
-        let (model, chi2) = self.estimate(model)?;
+        let (mut model, chi2) = self.estimate(model)?;
+        self.settle(&mut model, recordings);
         let fit = fit::judge(&model, recordings, &self.problem.tracks)?;
         Ok(Identified { model, chi2, fit })
     }
@@ -463,84 +330,6 @@ fn with_starts(problem: &Problem, model: &Model) -> Model {
     model
 }
 
-/// The side of the equation whose error to minimise.
-///
-/// A disturbance torque must be independent of the regressors. It is independent of `u` where `u` is imposed, and of
-/// the motion where the motion is. The wrong side attenuates: too large an inertia with acceleration as the response
-/// (of a motion that a stiff loop imposes), too small a one with force. Where both sides agree, acceleration it is,
-/// which keeps encoder noise out of the regressors; where they differ by more than [`DISAGREEMENT`], little of the
-/// torque goes into acceleration, so the motion is next to imposed. A baseline that leaves much out disturbs alike,
-/// hence the second comparison, with the tolerance of a rough model.
-///
-/// Also gives the inertia that the force side finds, with all generic functions in if that is positive.
-fn choose_response(
-    problem: &mut Problem,
-    model: &Model,
-    dictionary: &Dictionary,
-    folds: &[Option<usize>],
-) -> Result<(Response, Option<f64>)> {
-    const DISAGREEMENT: f64 = 1.1;
-    const ROUGH_DISAGREEMENT: f64 = 2.0;
-    if model.causality == Causality::Inverse {
-        return Ok((Response::Force, None));
-    }
-    if model.parameters()[model.moving_inertia()].known {
-        return Ok((Response::Acceleration, None));
-    }
-    let generic = |keep: &dyn Fn(&str) -> bool| -> Vec<Rc<Vec<f64>>> {
-        dictionary
-            .groups(problem)
-            .into_iter()
-            .filter(|g| keep(g.coordinate))
-            .flat_map(|g| g.columns)
-            .collect()
-    };
-    let all = generic(&|coordinate| !coordinate.starts_with("input"));
-    let position = generic(&|coordinate| coordinate == "position");
-    let mut inertia = |response: Response, generic: &[Rc<Vec<f64>>]| -> Result<Option<f64>> {
-        problem.response = response;
-        let system = System::new(problem, model)?;
-        let columns: Vec<&[f64]> = system
-            .columns
-            .iter()
-            .map(Vec::as_slice)
-            .chain(generic.iter().map(|c| c.as_slice()))
-            .collect();
-        let score = linear::score(&system.response, &columns, folds, GENERIC_RIDGE, None);
-        // The inertia, or its inverse, is the first unknown of the system.
-        Ok(score.map(|s| {
-            if response == Response::Force {
-                s.beta[0]
-            } else {
-                1.0 / s.beta[0]
-            }
-        }))
-    };
-    let mut by_both_sides = |generic: &[Rc<Vec<f64>>]| -> Result<(Option<f64>, Option<f64>)> {
-        Ok((
-            inertia(Response::Acceleration, generic)?,
-            inertia(Response::Force, generic)?,
-        ))
-    };
-    let (full, plain) = (by_both_sides(&all)?, by_both_sides(&[])?);
-    let positive = |j: Option<f64>| j.filter(|j| *j > 0.0);
-    // A short recording may carry functions of position, gravity and springs among them, but not the whole dictionary.
-    let robust = positive(full.1)
-        .or(positive(by_both_sides(&position)?.1))
-        .or(positive(plain.1));
-    let disagree = |(acceleration, force): (Option<f64>, Option<f64>), tolerance: f64| match (
-        acceleration,
-        force,
-    ) {
-        (Some(a), Some(f)) => !(a > 0.0 && a < tolerance * f),
-        _ => false,
-    };
-    if disagree(full, DISAGREEMENT) || disagree(plain, ROUGH_DISAGREEMENT) {
-        return Ok((Response::Force, robust));
-    }
-    Ok((Response::Acceleration, robust))
-}
-
 /// Relative ridge on generic columns, some of which add up to columns of the model.
 const GENERIC_RIDGE: f64 = 1e-6;
 
@@ -573,77 +362,6 @@ pub fn follow_everything(
             .for_each(|(r, c)| *r -= beta * c);
     }
     Ok((residual, columns.len()))
-}
-
-/// The tracks under windows of the narrowest width at which the encoder's noise no longer dominates, or of the width
-/// asked for.
-fn choose_width(
-    tracks: &[Track],
-    dictionary: &Dictionary,
-    model: &Model,
-    options: Options,
-) -> Result<(Problem, Width)> {
-    let reach = |track: &Track, width: f64| {
-        let most = (track.whole / 40).max(FEWEST_SAMPLES);
-        ((width / track.period).round() as usize).clamp(FEWEST_SAMPLES, most)
-    };
-    let problem = |width: f64| {
-        let reaches: Vec<usize> = tracks.iter().map(|t| reach(t, width)).collect();
-        Problem::new(
-            tracks.to_vec(),
-            &reaches,
-            model.motion,
-            Response::Acceleration,
-        )
-    };
-    let widths = options.half_width.map_or(HALF_WIDTHS.to_vec(), |w| vec![w]);
-    let mut chosen = Width {
-        tried: Vec::new(),
-        asked: options.half_width.is_some(),
-    };
-    let last = widths.len() - 1;
-    for (k, width) in widths.into_iter().enumerate() {
-        let problem = problem(width);
-        let rows = problem.count(Part::Train);
-        let encoder_share = if rows < FEWEST_ROWS {
-            None
-        } else {
-            Some(encoder_share(&problem, dictionary, model)?)
-        };
-        chosen.tried.push(Tried {
-            half_width: problem.half_width(),
-            rows,
-            encoder_share,
-        });
-        if k == last || encoder_share.is_none_or(|share| share <= MOST_ENCODER_SHARE) {
-            return Ok((problem, chosen));
-        }
-    }
-    Err(Error::Internal("no width of windows to try".to_owned()))
-}
-
-/// Share of the residual variance that encoder noise accounts for.
-fn encoder_share(problem: &Problem, dictionary: &Dictionary, model: &Model) -> Result<f64> {
-    let system = System::new(problem, &with_starts(problem, model))?;
-    let folds = system::folds(problem);
-    let (residual, unknowns) = follow_everything(problem, &system, dictionary, &folds)?;
-    let mut squares: Vec<f64> = residual
-        .iter()
-        .zip(&folds)
-        .filter(|(_, f)| f.is_some())
-        .map(|(r, _)| r * r)
-        .collect();
-    squares.sort_by(f64::total_cmp);
-    let train = squares.len() as f64;
-    // The median of χ² with one degree of freedom is 0.455; the median ignores reversals.
-    let variance =
-        squares[squares.len() / 2] / 0.455 * train / (train - unknowns as f64).max(0.2 * train);
-    let encoder = problem
-        .tracks
-        .iter()
-        .zip(&problem.windows)
-        .map(|(t, w)| t.position_noise.powi(2) * w.acceleration_noise());
-    Ok(encoder.fold(0.0, f64::max) / variance.max(1e-300))
 }
 
 fn undetermined(model: &Model) -> Error {

@@ -1,0 +1,159 @@
+//! Positions that say too little: coarse counts, samples that repeat, values that freeze.
+
+use super::{Warning, quantile, rms};
+use crate::effects::Quantity;
+use crate::format::{percent, quantity, significant, whole_percent};
+use crate::model::Model;
+use crate::recording::Recording;
+use crate::weak::Track;
+
+/// Velocity noise over RMS speed that the widest filter may leave: the smallest effects that are looked for are 3 % of
+/// the drive, and their regressors are functions of this velocity.
+const NOISY: f64 = 0.03;
+/// An encoder that moves by this many counts between samples cannot read the same twice.
+const CERTAIN_STEPS: f64 = 3.0;
+/// Share of repeated samples, of those that cannot repeat, beyond reversals that the filter smooths over.
+const REPEATS: f64 = 0.1;
+/// A frozen reading lasts this many samples at least, and catches up by this many times the usual step.
+const FROZEN: usize = 10;
+
+pub(super) fn check(recording: &Recording, track: &Track, model: &Model) -> Vec<Warning> {
+    let mut warnings = Vec::new();
+    warnings.extend(coarse(recording, track, model));
+    if let Some(q) = &recording.q {
+        warnings.extend(repeated(recording, q, track));
+        warnings.extend(frozen(&recording.t, q));
+    }
+    warnings
+}
+
+/// Smallest step that repeats in at least a hundredth of the samples; zero without one.
+fn quantum(x: &[f64]) -> f64 {
+    let largest = x.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+    let steps = || {
+        let steps = x.windows(2).map(|w| (w[1] - w[0]).abs());
+        steps.filter(move |step| *step > 1e-12 * largest)
+    };
+    let smallest = steps().fold(f64::INFINITY, f64::min);
+    let repeats = steps().filter(|step| (step / smallest - 1.0).abs() < 1e-3);
+    if repeats.count() * 100 > x.len() {
+        smallest
+    } else {
+        0.0
+    }
+}
+
+fn coarse(recording: &Recording, track: &Track, model: &Model) -> Option<Warning> {
+    let speed = rms(track.v.iter().copied());
+    let noise = track.velocity_noise / speed;
+    if noise <= NOISY {
+        return None;
+    }
+    let (name, unit) = if recording.q.is_some() {
+        ("position", model.unit(Quantity::Position))
+    } else {
+        ("velocity", model.unit(Quantity::Speed))
+    };
+    let step = quantum(recording.measured());
+    let cause = if step > 0.0 {
+        let counts = speed * track.period / step;
+        let moved = if recording.q.is_some() {
+            format!(
+                ", and at its RMS speed the axis passes {} of them between two samples",
+                significant(counts, 2)
+            )
+        } else {
+            String::new()
+        };
+        format!(
+            "the {name} comes in steps of {}{moved}",
+            quantity(step, unit)
+        )
+    } else {
+        format!("the measured {name} is noisy")
+    };
+    Some(Warning::weak(
+        "coarse-encoder",
+        format!(
+            "The velocity is uncertain by {} of its RMS even after smoothing: {cause}. Move faster or farther, log all counts of the encoder, or use a finer one.",
+            percent(noise, None)
+        ),
+    ))
+}
+
+/// The smoothed velocity at an instant.
+fn velocity(track: &Track, t: f64) -> f64 {
+    let node = (t - track.start) / track.period;
+    track.v[(node.round().max(0.0) as usize).min(track.v.len() - 1)]
+}
+
+fn repeated(recording: &Recording, q: &[f64], track: &Track) -> Option<Warning> {
+    let least = CERTAIN_STEPS * quantum(q);
+    let slow = 0.2 * rms(track.v.iter().copied());
+    let t = &recording.t;
+    let moving = (1..q.len()).filter(|&k| {
+        let v = velocity(track, t[k]).abs();
+        v > slow && v * (t[k] - t[k - 1]) > least
+    });
+    let (repeats, all) = moving.fold((0_usize, 0_usize), |(repeats, all), k| {
+        (repeats + usize::from(q[k] == q[k - 1]), all + 1)
+    });
+    let share = repeats as f64 / all.max(1) as f64;
+    (share > REPEATS).then(|| {
+        Warning::suspect(
+            "repeated-samples",
+            format!(
+                "{} of the positions repeat the one before although the axis moves on: the log is faster than the sensor or the bus, each value stands for about {} rows. Log at the rate of the sensor, as repeated values shift the position in time.",
+                whole_percent(share),
+                significant(1.0 / (1.0 - share).max(0.01), 2)
+            ),
+        )
+    })
+}
+
+/// A reading that stays and then catches up with the motion in a single step.
+fn frozen(t: &[f64], q: &[f64]) -> Option<Warning> {
+    let steps: Vec<f64> = q.windows(2).map(|w| (w[1] - w[0]).abs()).collect();
+    let usual = quantile(steps.clone(), 0.98);
+    let mut still = 0;
+    let mut found = Vec::new();
+    for (k, &step) in steps.iter().enumerate() {
+        if step == 0.0 {
+            still += 1;
+            continue;
+        }
+        // A gap in time explains a large step by itself.
+        let usual_interval = (t[k + 1] - t[k]) < 1.5 * (t[k.max(1)] - t[k.max(1) - 1]);
+        if still >= FROZEN && step > FROZEN as f64 * usual && usual_interval {
+            found.push((t[k - still], t[k]));
+        }
+        still = 0;
+    }
+    let (from, to) = *found.first()?;
+    Some(Warning::suspect(
+        "frozen-position",
+        format!(
+            "q stands still {} times and then catches up within one sample, first from {} to {}: the sensor or its link stalls. Cut these parts out.",
+            found.len(),
+            significant(from, 5),
+            quantity(to, "s")
+        ),
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{frozen, quantum};
+
+    #[test]
+    fn a_stalled_link_is_seen() {
+        let t: Vec<f64> = (0..5000).map(|k| f64::from(k) * 1e-3).collect();
+        let mut q: Vec<f64> = t.iter().map(|t| (2.0 * t).sin()).collect();
+        assert!(frozen(&t, &q).is_none() && quantum(&q) == 0.0);
+        let held = q[1500];
+        q[1500..1700].fill(held);
+        assert!(frozen(&t, &q).unwrap().text.contains("1 times"));
+        let counted: Vec<f64> = q.iter().map(|q| (q * 1e3).round() / 1e3).collect();
+        assert!((quantum(&counted) - 1e-3).abs() < 1e-9);
+    }
+}

@@ -1,0 +1,95 @@
+//! A look at recordings before their fit is trusted: warnings in plain words, with what was seen, the likely cause and
+//! what to do next.
+//!
+//! Warnings change no result and no exit status. What cannot be fitted at all is an error elsewhere.
+
+mod agreement;
+mod encoder;
+mod excitation;
+mod saturation;
+mod timing;
+mod units;
+
+use serde::Serialize;
+
+use crate::identify::Workbench;
+use crate::model::Model;
+use crate::recording::Recording;
+
+/// What a warning says of the data.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Severity {
+    /// They contradict themselves or the model file: results may be wrong.
+    Suspect,
+    /// They say little about something: results may be uncertain.
+    Weak,
+}
+
+/// Something about recordings that a person should know.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Warning {
+    /// Stable id.
+    pub id: &'static str,
+    /// What it says of the data.
+    pub severity: Severity,
+    /// What was seen, the likely cause, and what to do next.
+    pub text: String,
+}
+
+impl Warning {
+    fn suspect(id: &'static str, text: String) -> Self {
+        let severity = Severity::Suspect;
+        Self { id, severity, text }
+    }
+
+    fn weak(id: &'static str, text: String) -> Self {
+        let severity = Severity::Weak;
+        Self { id, severity, text }
+    }
+}
+
+/// What there is to know about recordings and the model that was fitted to them, the gravest first.
+pub fn warnings(bench: &Workbench, fitted: &Model, recordings: &[Recording]) -> Vec<Warning> {
+    let mut all = Vec::new();
+    for (recording, track) in recordings.iter().zip(&bench.problem.tracks) {
+        let mut own = timing::check(recording, track);
+        own.extend(units::check(recording, track, fitted));
+        own.extend(encoder::check(recording, track, fitted));
+        own.extend(saturation::check(recording, fitted));
+        if recordings.len() > 1 {
+            for warning in &mut own {
+                warning.text = format!("{}: {}", recording.file_name(), warning.text);
+            }
+        }
+        all.extend(own);
+    }
+    // Stretches of one long recording may all say the same.
+    let mut seen: Vec<(&str, String)> = Vec::new();
+    all.retain(|warning: &Warning| {
+        let file = warning.text.split(": ").next().unwrap_or_default();
+        let key = (warning.id, file.to_owned());
+        let new = !seen.contains(&key);
+        seen.push(key);
+        new
+    });
+    all.extend(agreement::check(bench, fitted, recordings));
+    all.extend(excitation::check(bench, fitted, recordings));
+    all.sort_by_key(|warning| warning.severity);
+    all
+}
+
+/// Root mean square.
+fn rms(x: impl Iterator<Item = f64>) -> f64 {
+    let (count, sum) = x.fold((0.0, 0.0), |(count, sum), x| (count + 1.0, sum + x * x));
+    (sum / f64::max(count, 1.0)).sqrt()
+}
+
+/// The value that a share of all lies below.
+///
+/// # Panics
+/// Without a value.
+fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[((values.len() - 1) as f64 * share) as usize]
+}

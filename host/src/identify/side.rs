@@ -1,0 +1,89 @@
+//! The side of the equation of motion whose error is minimised.
+
+use std::rc::Rc;
+
+use super::GENERIC_RIDGE;
+use crate::dictionary::Dictionary;
+use crate::error::Result;
+use crate::linear;
+use crate::model::{Causality, Model};
+use crate::problem::{Problem, Response};
+use crate::system::System;
+
+/// The side of the equation whose error to minimise.
+///
+/// A disturbance torque must be independent of the regressors. It is independent of `u` where `u` is imposed, and of
+/// the motion where the motion is. The wrong side attenuates: too large an inertia with acceleration as the response
+/// (of a motion that a stiff loop imposes), too small a one with force. Where both sides agree, acceleration it is,
+/// which keeps encoder noise out of the regressors; where they differ by more than [`DISAGREEMENT`], little of the
+/// torque goes into acceleration, so the motion is next to imposed. A baseline that leaves much out disturbs alike,
+/// hence the second comparison, with the tolerance of a rough model.
+///
+/// Also gives the inertia that the force side finds, with all generic functions in if that is positive.
+pub(super) fn choose_response(
+    problem: &mut Problem,
+    model: &Model,
+    dictionary: &Dictionary,
+    folds: &[Option<usize>],
+) -> Result<(Response, Option<f64>)> {
+    const DISAGREEMENT: f64 = 1.1;
+    const ROUGH_DISAGREEMENT: f64 = 2.0;
+    if model.causality == Causality::Inverse {
+        return Ok((Response::Force, None));
+    }
+    if model.parameters()[model.moving_inertia()].known {
+        return Ok((Response::Acceleration, None));
+    }
+    let generic = |keep: &dyn Fn(&str) -> bool| -> Vec<Rc<Vec<f64>>> {
+        dictionary
+            .groups(problem)
+            .into_iter()
+            .filter(|g| keep(g.coordinate))
+            .flat_map(|g| g.columns)
+            .collect()
+    };
+    let all = generic(&|coordinate| !coordinate.starts_with("input"));
+    let position = generic(&|coordinate| coordinate == "position");
+    let mut inertia = |response: Response, generic: &[Rc<Vec<f64>>]| -> Result<Option<f64>> {
+        problem.response = response;
+        let system = System::new(problem, model)?;
+        let columns: Vec<&[f64]> = system
+            .columns
+            .iter()
+            .map(Vec::as_slice)
+            .chain(generic.iter().map(|c| c.as_slice()))
+            .collect();
+        let score = linear::score(&system.response, &columns, folds, GENERIC_RIDGE, None);
+        // The inertia, or its inverse, is the first unknown of the system.
+        Ok(score.map(|s| {
+            if response == Response::Force {
+                s.beta[0]
+            } else {
+                1.0 / s.beta[0]
+            }
+        }))
+    };
+    let mut by_both_sides = |generic: &[Rc<Vec<f64>>]| -> Result<(Option<f64>, Option<f64>)> {
+        Ok((
+            inertia(Response::Acceleration, generic)?,
+            inertia(Response::Force, generic)?,
+        ))
+    };
+    let (full, plain) = (by_both_sides(&all)?, by_both_sides(&[])?);
+    let positive = |j: Option<f64>| j.filter(|j| *j > 0.0);
+    // A short recording may carry functions of position, gravity and springs among them, but not the whole dictionary.
+    let robust = positive(full.1)
+        .or(positive(by_both_sides(&position)?.1))
+        .or(positive(plain.1));
+    let disagree = |(acceleration, force): (Option<f64>, Option<f64>), tolerance: f64| match (
+        acceleration,
+        force,
+    ) {
+        (Some(a), Some(f)) => !(a > 0.0 && a < tolerance * f),
+        _ => false,
+    };
+    if disagree(full, DISAGREEMENT) || disagree(plain, ROUGH_DISAGREEMENT) {
+        return Ok((Response::Force, robust));
+    }
+    Ok((Response::Acceleration, robust))
+}

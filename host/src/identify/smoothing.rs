@@ -1,0 +1,61 @@
+//! What the smoothing of velocity does to estimates.
+
+use super::Workbench;
+use crate::model::{Model, Term};
+use crate::problem::Problem;
+use crate::recording::Recording;
+use crate::weak::Track;
+use crate::{refine, system};
+
+/// Order of the smoothing's effect: first where friction jumps or bends within the filter's width, second where it does not.
+const ORDER: f64 = 1.5;
+
+impl Workbench {
+    /// Estimates a refined model again with velocity smoothed by a filter of half the width, and adds to each standard
+    /// error what is left of the smoothing's effect.
+    ///
+    /// Smoothing rounds off what friction does near standstill within the filter's width, which no scatter of residuals
+    /// shows. Where the model describes what happens there, by a Stribeck curve or bristles, the second estimate counts;
+    /// elsewhere the first, which is less noisy.
+    pub fn settle(&self, model: &mut Model, recordings: &[Recording]) {
+        let Some(finer) = self.with_half_the_smoothing(model, recordings) else {
+            return;
+        };
+        // An effect that grows with power p of the width leaves 1/(2^p − 1) of the difference in the finer estimate,
+        // and by the difference more in the coarser one.
+        let left_in_finer = 1.0 / (2f64.powf(ORDER) - 1.0);
+        let details = model.terms.iter().any(Term::is_of_contact);
+        for (parameter, finer) in model.parameters_mut().into_iter().zip(finer.parameters()) {
+            let (Some(here), Some(there)) = (parameter.value, finer.value) else {
+                continue;
+            };
+            if parameter.se.is_none_or(|se| !se.is_finite()) {
+                continue;
+            }
+            let mut left = left_in_finer * (here - there);
+            if details {
+                *parameter = finer.clone();
+            } else {
+                left += here - there;
+            }
+            parameter.se = parameter.se.map(|se| se.hypot(left));
+        }
+    }
+
+    fn with_half_the_smoothing(&self, model: &Model, recordings: &[Recording]) -> Option<Model> {
+        let before = &self.problem;
+        let tracks = recordings.iter().zip(&before.tracks).map(|(r, t)| {
+            let finer = Some(t.smoothing.finer());
+            Track::smoothed(r, before.motion, self.balance, finer).piece_of(t.whole, t.boundary)
+        });
+        let reaches: Vec<usize> = before.windows.iter().map(|w| w.reach).collect();
+        let tracks = tracks.collect();
+        let problem = Problem::new(tracks, &reaches, before.motion, before.response);
+        let folds = system::folds(&problem);
+        folds.iter().flatten().next()?;
+        let noise = (self.noise.law).on(&problem, &system::residual(&problem, model), &folds);
+        let mut model = model.clone();
+        refine::refine(&problem, &mut model, &noise, &folds);
+        Some(model)
+    }
+}
