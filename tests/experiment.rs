@@ -82,7 +82,8 @@ fn named(folder: &Folder, line: &str) -> Named {
     let json = folder.json("out.json");
     let text = |value: &serde_json::Value| value["id"].as_str().unwrap_or("none").to_owned();
     let first = &json["findings"][0];
-    let rivals = first["rivals"].as_array().cloned().unwrap_or_default();
+    let mut rivals = first["rivals"].as_array().cloned().unwrap_or_default();
+    rivals.retain(|rival| rival["separated"] == false);
     let named = (text(first), rivals.iter().map(text).collect());
     println!("{line}: {named:?} {}", json["next_experiment"]["text"]);
     named

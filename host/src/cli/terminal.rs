@@ -286,11 +286,19 @@ fn show_finding(out: &mut String, number: usize, finding: &Finding) {
     let _ = writeln!(out, "  {}", finding.text);
     table(out, &finding.parameters);
     for rival in &finding.rivals {
-        let _ = writeln!(
-            out,
-            "  {DIM}rival {}: {}{DIM:#}",
-            rival.id, rival.tell_apart_by
-        );
+        let _ = if rival.separated {
+            writeln!(
+                out,
+                "  {DIM}runner-up {}, which fits worse{DIM:#}",
+                rival.id
+            )
+        } else {
+            writeln!(
+                out,
+                "  {DIM}rival {}: {}{DIM:#}",
+                rival.id, rival.tell_apart_by
+            )
+        };
     }
 }
 

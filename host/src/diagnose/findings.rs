@@ -71,8 +71,8 @@ fn confidence(selected: &Selected, error_after: f64) -> f64 {
     (0.99 / (1.0 + others)).max(0.01)
 }
 
-/// Effects that would have explained at least half as much and, fitted in the place of the finding, leave an error that
-/// is not larger by more than what counts as a difference at all.
+/// Effects that would have explained at least half as much, each fitted in the place of the finding. Where that leaves an
+/// error larger by what counts as a difference, the data tells the two apart.
 fn rivals(
     bench: &Workbench,
     before: &Model,
@@ -85,18 +85,16 @@ fn rivals(
         .filter(|o| o.delta_bic >= 0.5 * selected.trial.delta_bic);
     let rival = |other: &Trial| {
         let instead = bench.fit(&select::with_trial(before, other), recordings)?;
-        if error(bench, &instead.model)? * (1.0 - select::FLOOR) > error_with_it {
-            return Ok(None);
-        }
-        Ok(Some(Rival {
+        Ok(Rival {
             id: other.effect.id(),
             delta_bic: other.delta_bic,
+            separated: error(bench, &instead.model)? * (1.0 - select::FLOOR) > error_with_it,
             model: estimates(&instead.model, None),
             fit: instead.fit,
             tell_apart_by: effects::tell_apart(selected.trial.effect, other.effect),
-        }))
+        })
     };
-    close.filter_map(|other| rival(other).transpose()).collect()
+    close.map(rival).collect()
 }
 
 /// Parameters of a whole model, or of one of its terms with what follows from them.

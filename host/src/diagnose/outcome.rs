@@ -69,6 +69,8 @@ pub struct Rival {
     pub id: &'static str,
     /// Its fall of BIC at the stage where the finding was preferred.
     pub delta_bic: f64,
+    /// Whether the data tells it from the finding: in its place it leaves a larger error.
+    pub separated: bool,
     /// All parameters of the model with it in the place of the finding.
     pub model: Estimates,
     /// The fit of that model.

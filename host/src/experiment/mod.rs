@@ -100,7 +100,8 @@ fn rivals(outcome: &Outcome, bench: &Workbench) -> (Vec<String>, Vec<Model>) {
             let Some(effect) = effects::find(rival.id) else {
                 continue;
             };
-            if models.len() == MOST_RIVALS || outcome.after.has(rival.id) {
+            let decided = rival.separated || outcome.after.has(rival.id);
+            if models.len() == MOST_RIVALS || decided {
                 continue;
             }
             let mut model = outcome.after.clone();

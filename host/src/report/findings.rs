@@ -76,14 +76,20 @@ fn details(number: usize, finding: &Finding) -> Vec<Item> {
                 .collect(),
         }),
     ];
-    if !finding.rivals.is_empty() {
-        let rivals = finding
-            .rivals
-            .iter()
-            .map(|r| format!("{} (ΔBIC {})", r.id, significant(r.delta_bic, 3)));
+    let named = |separated: bool| -> String {
+        let of = finding.rivals.iter().filter(|r| r.separated == separated);
+        let names = of.map(|r| format!("{} (ΔBIC {})", r.id, significant(r.delta_bic, 3)));
+        names.collect::<Vec<_>>().join(", ")
+    };
+    let (rivals, worse) = (named(false), named(true));
+    if !rivals.is_empty() {
         items.push(Item::text(format!(
-            "Rivals that would explain much the same: {}. The next experiment below tells them apart.",
-            rivals.collect::<Vec<_>>().join(", ")
+            "Rivals that would explain much the same: {rivals}. The next experiment below tells them apart."
+        )));
+    }
+    if !worse.is_empty() {
+        items.push(Item::text(format!(
+            "Runners-up, which leave a larger error in its place: {worse}."
         )));
     }
     items
@@ -181,7 +187,8 @@ pub(super) fn next_experiment(
 ) -> Section {
     let mut points: Vec<String> = Vec::new();
     for finding in &diagnosis.findings {
-        for rival in &finding.rivals {
+        let rivals = || finding.rivals.iter().filter(|r| !r.separated);
+        for rival in rivals() {
             points.push(format!(
                 "{} or {}? {}.",
                 finding.name,
@@ -189,7 +196,7 @@ pub(super) fn next_experiment(
                 capitalised(&rival.tell_apart_by)
             ));
         }
-        if finding.rivals.is_empty() {
+        if rivals().next().is_none() {
             points.extend(
                 effects::find(finding.id)
                     .and_then(|e| effects::section(e.doc(), "What excites it"))
