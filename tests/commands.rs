@@ -237,6 +237,102 @@ fn identify_estimates_with_errors() {
 }
 
 #[test]
+fn dbi_shows_how_the_estimates_come_about() {
+    let folder = Folder::with(PLAIN, SECONDS);
+    let line = "dbi run.csv --model axis.toml --json out.json --report out.html";
+    let shown = folder.done(line);
+    let json = folder.json("out.json");
+    assert_eq!(text(&json, "schema"), "bristle.dbi/1");
+    parameters(at(&json, "parameters"));
+    // Both sides of every row differ by the residual, and it is far smaller than either.
+    let numbers = |path: &str| -> Vec<f64> {
+        let values = list(&json, path).iter();
+        values.map(|x| x.as_f64().expect("a number")).collect()
+    };
+    let [drive, model, residual] =
+        ["drive", "model", "residual"].map(|side| numbers(&format!("functionals.{side}")));
+    let power = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>();
+    for (k, r) in residual.iter().enumerate() {
+        assert!((drive[k] - model[k] - r).abs() < 1e-12);
+    }
+    assert!(
+        power(&residual) < 0.05 * power(&drive),
+        "{} of {}",
+        power(&residual),
+        power(&drive)
+    );
+    // Neighbours share most of a window; whitening takes most of that out.
+    let whiteness = at(&json, "whiteness");
+    let shared = |key: &str| {
+        let lags = list(whiteness, key)[1..=8].iter();
+        lags.map(|r| r.as_f64().expect("a number").powi(2))
+            .sum::<f64>()
+    };
+    let (before, after) = (shared("before"), shared("after"));
+    assert!(before > 0.5 && after < before, "{before}, {after}");
+    // A complete model agrees over the widths, one of which was chosen.
+    let widths = list(&json, "widths");
+    assert!(widths.len() >= 8, "{}", widths.len());
+    assert_eq!(widths.iter().filter(|w| w["chosen"] == true).count(), 1);
+    let agreement = list(&json, "agreement");
+    assert_eq!(agreement.len(), 3);
+    assert!(
+        agreement.iter().all(|a| a["agree"] == true),
+        "{agreement:?}"
+    );
+    let correlations = list(&json, "correlation.matrix");
+    assert!((0..3).all(|k| (correlations[k][k].as_f64().unwrap() - 1.0).abs() < 1e-9));
+    assert!(shown.contains("3 of 3") && folder.read("out.html").contains("Frequency response"));
+    // The width that is asked for is taken.
+    folder.done(&format!("{line} --half-width 0.1"));
+    let json = folder.json("out.json");
+    assert_eq!(list(&json, "test_functions")[0]["half_width"], 0.1);
+    assert!(list(&json, "linear_forms").is_empty());
+    // What cannot be done is refused with one message, and outputs stay as they are.
+    let before = folder.files();
+    for options in [
+        "--half-width 0",
+        "--report nowhere/out.html",
+        "--json run.csv",
+    ] {
+        let ran = folder.run(&format!("dbi run.csv --model axis.toml {options}"));
+        assert_eq!(ran.status, 2, "{ran:?}");
+        assert_eq!(ran.stderr.lines().count(), 1, "{ran:?}");
+    }
+    assert!(folder.files() == before);
+}
+
+#[test]
+fn dbi_shows_the_linear_form_of_a_law() {
+    let folder = Folder::new();
+    let dahl = "model = \"dahl\"\ncoulomb = 0.15\nviscous = 0.02\nbristle_stiffness = 3.0";
+    folder.write("truth.toml", truth(ROTARY, dahl));
+    folder.write("axis.toml", BASELINE.replace("coulomb-viscous", "dahl"));
+    folder.done("simulate --model truth.toml --excite multisine --amplitude 0.4 --band 0.2:3 --counts 4194304 --out run.csv");
+    folder.done("dbi run.csv --model axis.toml --json out.json --report out.html");
+    let json = folder.json("out.json");
+    assert_eq!(list(&json, "linear_forms").len(), 1);
+    let widths = list(&json, "widths");
+    let chosen = widths
+        .iter()
+        .find(|w| w["chosen"] == true)
+        .expect("one is chosen");
+    // Smoothing of velocity rounds the law off by some thousandths.
+    for (parameter, truth) in list(&chosen["linear"][0], "parameters")
+        .iter()
+        .zip([0.012, 0.02, 3.0, 0.15])
+    {
+        let value = number(parameter, "value");
+        assert!((value - truth).abs() < 0.02 * truth, "{parameter}");
+        assert!(
+            number(parameter, "bias.mean").abs() < 0.02 * truth,
+            "{parameter}"
+        );
+    }
+    assert!(folder.read("out.html").contains("Linear forms"));
+}
+
+#[test]
 fn the_written_model_keeps_comments() {
     let folder = Folder::with(PLAIN, SECONDS);
     folder.write("axis.toml", format!("# bench 3\n{BASELINE}"));
@@ -594,6 +690,10 @@ fn help_names_every_option() {
     for (verb, options) in [
         ("identify", [common.as_slice(), &[]].concat()),
         ("diagnose", [common.as_slice(), &["--check"]].concat()),
+        (
+            "dbi",
+            vec!["--model", "--json", "--report", "--half-width", "REC"],
+        ),
         (
             "simulate",
             vec![

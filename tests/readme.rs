@@ -56,7 +56,7 @@ fn the_commands_run_on_a_recording_of_that_form() {
     }
     let block = between(&readme, "```sh\nbristle ", "```");
     let lines: Vec<&str> = block.split("\nbristle ").collect();
-    assert_eq!(lines.len(), 4);
+    assert_eq!(lines.len(), 5);
     for line in lines {
         folder.done(line.split('#').next().unwrap_or_default());
     }

@@ -56,6 +56,32 @@ pub fn normal(
     normal
 }
 
+/// What each cluster of rows adds to the estimates: `(JᵀJ)⁻¹·g`, `g` being the cluster's share of `Jᵀr`. One row for each
+/// free parameter, one column for each cluster; `None` if the rows do not determine the estimates.
+pub fn influences(
+    problem: &Problem,
+    model: &Model,
+    noise: &Noise,
+    clusters: &[Option<usize>],
+) -> Option<DMatrix<f64>> {
+    let evaluate = |model: &Model| counted(problem, model, noise, clusters);
+    let (residual, free) = (evaluate(model), free_parameters(model));
+    let jacobian = jacobian(model, &free, &evaluate);
+    let count = clusters.iter().flatten().max()? + 1;
+    let mut shares = DMatrix::<f64>::zeros(free.len(), count);
+    for (row, &cluster) in clusters.iter().flatten().enumerate() {
+        for j in 0..jacobian.ncols() {
+            shares[(j, cluster)] += jacobian[(row, j)] * residual[row];
+        }
+    }
+    // Columns of unit norm, as parameters differ in size by orders of magnitude.
+    let scale = jacobian.column_iter().map(|c| 1.0 / c.norm());
+    let scale = DMatrix::from_diagonal(&DVector::from_iterator(free.len(), scale));
+    let unit = &jacobian * &scale;
+    let inverse = (unit.tr_mul(&unit)).try_inverse()?;
+    Some(&scale * inverse * &scale * shares)
+}
+
 fn sums(
     model: &Model,
     residual: &DVector<f64>,
@@ -179,7 +205,7 @@ fn derivative(model: &Model, k: usize, evaluate: &impl Fn(&Model) -> DVector<f64
 }
 
 /// Consecutive training rows of one fold form a cluster.
-fn clusters(folds: &[Option<usize>]) -> Vec<usize> {
+pub fn clusters(folds: &[Option<usize>]) -> Vec<usize> {
     let mut cluster = 0;
     let mut last = None;
     let mut clusters = Vec::new();

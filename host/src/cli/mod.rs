@@ -2,6 +2,7 @@
 
 mod bench;
 mod curve;
+mod dbi;
 mod demo;
 mod diagnose;
 mod explain;
@@ -39,6 +40,7 @@ enum Verb {
     Demo(demo::Command),
     Diagnose(diagnose::Command),
     Identify(identify::Command),
+    Dbi(dbi::Command),
     Simulate(simulate::Command),
     Explain(explain::Command),
 }
@@ -51,6 +53,7 @@ pub fn run() -> u8 {
         Verb::Demo(command) => command.run(),
         Verb::Diagnose(command) => command.run(),
         Verb::Identify(command) => command.run(),
+        Verb::Dbi(command) => command.run(),
         Verb::Simulate(command) => command.run(),
         Verb::Explain(command) => command.run(),
     })

@@ -10,6 +10,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::check::Warning;
 use crate::curve::Curve;
+use crate::dbi::Study;
 use crate::diagnose::{Diagnosis, Estimates, Finding, Verdict};
 use crate::error::Error;
 use crate::fit::Fit;
@@ -206,6 +207,31 @@ pub(super) fn minimisation(outcome: &Outcome, start: &Fit) {
         "The start was off by {} on the held-out part",
         percent(start.held_out.nrmse, None)
     );
+}
+
+/// Shows in short whether the estimates of DBI hold.
+pub(super) fn study(study: &Study) {
+    let mut out = String::new();
+    table(&mut out, &study.parameters);
+    let _ = writeln!(out, "{DIM}{}{DIM:#}", study.windows.reason);
+    let agreeing = study.agreement.iter().filter(|a| a.agree).count();
+    let _ = writeln!(
+        out,
+        "{BOLD}{agreeing} of {}{BOLD:#} estimates agree over half-widths from half to double the chosen one:",
+        study.agreement.len()
+    );
+    for agreement in &study.agreement {
+        let _ = writeln!(out, "  {}", agreement.text);
+    }
+    let whiteness = &study.whiteness;
+    let _ = writeln!(
+        out,
+        "Autocorrelation of the residual outside the 95 % band of white noise: at {} of {} lags before whitening, at {} after.",
+        whiteness.outside_before,
+        whiteness.after.len() - 1,
+        whiteness.outside_after
+    );
+    anstream::print!("{out}");
 }
 
 /// Shows a verdict in short.

@@ -172,6 +172,14 @@ impl Workbench {
         })
     }
 
+    /// The same tracks under windows of another half-width, in seconds.
+    pub fn with_half_width(&self, model: &Model, half_width: f64) -> Result<Self> {
+        let options = Options {
+            half_width: Some(half_width),
+        };
+        Self::on(&self.problem.tracks, model, options)
+    }
+
     /// Estimates all unknown parameters of a model: linear start, scan of inner parameters, joint refinement.
     pub fn estimate(&self, model: &Model) -> Result<(Model, f64)> {
         let mut model = self.scan(with_starts(&self.problem, model))?;

@@ -132,7 +132,7 @@ fn points(diagnosis: &Diagnosis) -> Vec<String> {
         .collect()
 }
 
-fn texts(warnings: &[Warning]) -> Vec<String> {
+pub(super) fn texts(warnings: &[Warning]) -> Vec<String> {
     warnings.iter().map(|w| w.text.clone()).collect()
 }
 
@@ -142,7 +142,7 @@ fn predictions(subject: &Subject) -> Result<Vec<Prediction>> {
         .collect()
 }
 
-fn named(model: &Model) -> &str {
+pub(super) fn named(model: &Model) -> &str {
     if model.name.is_empty() {
         "an axis without a name"
     } else {
@@ -150,7 +150,7 @@ fn named(model: &Model) -> &str {
     }
 }
 
-fn facts(subject: &Subject) -> Vec<[String; 2]> {
+pub(super) fn facts(subject: &Subject) -> Vec<[String; 2]> {
     let model = subject.after.model;
     let mut facts = vec![[
         "Model".to_owned(),

@@ -11,6 +11,7 @@ mod points;
 mod rows;
 mod runs;
 mod spread;
+mod study;
 mod subject;
 mod tables;
 mod thin;
@@ -19,6 +20,7 @@ mod thin;
 mod tests;
 
 use crate::check::Warning;
+use crate::dbi::Study;
 use crate::diagnose::Outcome;
 use crate::error::{Error, Result};
 use crate::experiment::NextExperiment;
@@ -46,6 +48,16 @@ pub fn identification(
     render(&data::identification(
         identified, warnings, bench, recordings,
     )?)
+}
+
+/// The HTML text of a study of DBI. Fails only on a defect.
+pub fn study(
+    study: &Study,
+    identified: &Identified,
+    bench: &Workbench,
+    recordings: &[Recording],
+) -> Result<String> {
+    render(&study::page(study, identified, bench, recordings))
 }
 
 fn render(page: &Page) -> Result<String> {

@@ -144,10 +144,13 @@
     return { label: series.label, stroke: colour, paths: () => null, points: { show: true, size: big ? 7 : 4.5, width: 0, stroke: fill, fill } };
   }
 
-  // The ordinate: all of the data in view with a margin, within the limit of the plot.
-  function ordinate(limit) {
+  // The ordinate: all of the data in view, and all bars, with a margin, within the limit of the plot.
+  function ordinate({ limit, series }) {
+    const ends = series.flatMap((s) => s.bar.flatMap((bar, i) => (s.y[i] === null || bar === null ? [] : [s.y[i] - bar, s.y[i] + bar])));
     return (u, low, high) => {
       if (low === null || high === null) return [0, 1];
+      low = Math.min(low, ...ends);
+      high = Math.max(high, ...ends);
       if (limit) {
         low = Math.min(Math.max(low, limit[0]), limit[1]);
         high = Math.max(Math.min(high, limit[1]), limit[0]);
@@ -217,7 +220,7 @@
       width: Math.max(place.clientWidth, 200),
       height: plot.height,
       legend: { show: false },
-      scales: { x, y: { range: ordinate(plot.limit) } },
+      scales: { x, y: { range: ordinate(plot) } },
       axes: [
         { ...axis, space: Math.abs(plot.x[0]) < 1e5 ? 50 : 90, label: plot.x_label, labelSize: 18, labelGap: 0, size: 30 },
         { ...axis, label: plot.y_label, labelSize: 20, size: 56 },

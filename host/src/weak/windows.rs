@@ -99,7 +99,14 @@ impl Windows {
         self.acceleration.iter().map(|w| w * w).sum()
     }
 
-    fn apply(&self, weights: &[f64], signal: &[f64]) -> Vec<f64> {
+    /// `∫φ` over each cell under a window.
+    pub fn hold_weights(&self) -> &[f64] {
+        &self.hold
+    }
+
+    /// Dot product of weights with what lies under every window: `2·reach + 1` of them with values at the nodes,
+    /// `2·reach` with values in the cells.
+    pub fn apply(&self, weights: &[f64], signal: &[f64]) -> Vec<f64> {
         // Unrolled into independent sums, which plain iteration over floats is not.
         let length = weights.len();
         let weights = DVectorView::from_slice(weights, length);
