@@ -753,7 +753,7 @@ fn demo_leaves_a_report_and_names_it() {
 fn a_motor_under_voltage_is_fitted_with_its_armature() {
     let folder = Folder::with(PLAIN, SECONDS);
     let motor = "[plant]\nkind = \"dc-motor\"\nmotion = \"rotary\"\ninertia = 2e-4\nresistance = 2.6\ninductance = 1.8e-4\ntorque_constant = 0.05\n[friction]\ncoulomb = 0.01\nviscous = 2e-4\n";
-    folder.write("motor.toml", motor.to_owned());
+    folder.write("motor.toml", motor);
     folder.done("simulate --model motor.toml --excite multisine --amplitude 8 --band 0.1:3 --duration 12 --counts 4096 --noise 2e-4 --out motor.csv");
     let asked = motor
         .replace("inertia = 2e-4", "inertia = \"?\"")

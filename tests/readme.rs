@@ -34,7 +34,7 @@ fn quoted(text: &str) -> Vec<&str> {
 fn the_lists_of_effects_are_those_of_the_catalogue() {
     let readme = readme();
     let built_in: Vec<&str> = effects::ALL.iter().map(|e| e.id()).collect();
-    let listed = between(&readme, "effects of its catalogue:", "\n- ");
+    let listed = between(&readme, "## What it looks for\n", ", on top of");
     assert_eq!(quoted(listed), built_in);
 }
 

@@ -19,7 +19,7 @@ impl Model {
     /// Reads a model file, a DC motor as the axis that it is to fits, and refuses what can be simulated only.
     pub fn read_to_fit(path: &Path) -> Result<Self> {
         read(path, |text| {
-            let model = Self::parse(text)?.as_axis()?;
+            let model = Self::parse(text)?.into_axis()?;
             match model.unfittable() {
                 None => Ok(model),
                 Some((key, what)) => Err(at(key, what).message(text)),
@@ -30,7 +30,7 @@ impl Model {
     /// A DC motor as an axis under voltage: `k = a·kt/R` with `a` the amplifier's gain, and `ke/a` as its back-EMF. The
     /// armature's time constant `L/R` is left out: with a millisecond or two it lies beyond the windows, and where it
     /// does not, the actuator lag is found as what was left out. Other models as they are.
-    fn as_axis(self) -> std::result::Result<Self, String> {
+    fn into_axis(self) -> std::result::Result<Self, String> {
         if self.kind != Kind::DcMotor {
             return Ok(self);
         }
