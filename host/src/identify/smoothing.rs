@@ -1,7 +1,7 @@
 //! What the smoothing of velocity does to estimates.
 
 use super::Workbench;
-use crate::model::{Model, Term};
+use crate::model::Model;
 use crate::problem::Problem;
 use crate::recording::Recording;
 use crate::weak::Track;
@@ -12,33 +12,21 @@ const ORDER: f64 = 1.5;
 
 impl Workbench {
     /// Estimates a refined model again with velocity smoothed by a filter of half the width, and adds to each standard
-    /// error what is left of the smoothing's effect.
+    /// error what the smoothing does.
     ///
-    /// Smoothing rounds off what friction does near standstill within the filter's width, which no scatter of residuals
-    /// shows. Where the model describes what happens there, by a Stribeck curve or bristles, the second estimate counts;
-    /// elsewhere the first, which is less noisy.
+    /// Smoothing rounds off what friction does near standstill within the filter's width, and too little of it leaves
+    /// noise in the direction of sliding; neither shows in the scatter of residuals. An effect that grows with power `p`
+    /// of the width is `1/(1 − 2^−p)` of the difference between the two estimates.
     pub fn settle(&self, model: &mut Model, recordings: &[Recording]) {
         let Some(finer) = self.with_half_the_smoothing(model, recordings) else {
             return;
         };
-        // An effect that grows with power p of the width leaves 1/(2^p − 1) of the difference in the finer estimate,
-        // and by the difference more in the coarser one.
-        let left_in_finer = 1.0 / (2f64.powf(ORDER) - 1.0);
-        let details = model.terms.iter().any(Term::is_of_contact);
+        let effect = 1.0 / (1.0 - 2f64.powf(-ORDER));
         for (parameter, finer) in model.parameters_mut().into_iter().zip(finer.parameters()) {
             let (Some(here), Some(there)) = (parameter.value, finer.value) else {
                 continue;
             };
-            if parameter.se.is_none_or(|se| !se.is_finite()) {
-                continue;
-            }
-            let mut left = left_in_finer * (here - there);
-            if details {
-                *parameter = finer.clone();
-            } else {
-                left += here - there;
-            }
-            parameter.se = parameter.se.map(|se| se.hypot(left));
+            parameter.se = parameter.se.map(|se| se.hypot(effect * (here - there)));
         }
     }
 
