@@ -626,6 +626,11 @@ fn an_imposed_motion_gives_the_force() {
     folder.write("axis.toml", inverse(BASELINE));
     folder.done("diagnose run.csv --model axis.toml --json out.json --report out.html");
     diagnosis(&folder.json("out.json"));
+    // Slow enough a motion needs no inertia.
+    let massless = inverse(BASELINE).replace("inertia = \"?\"", "inertia = 0");
+    assert!(massless.contains("inertia = 0"), "{massless}");
+    folder.write("massless.toml", massless);
+    folder.done("identify run.csv --model massless.toml --json out.json");
     folder.write("truth.toml", inverse(PLAIN));
     folder.done("simulate --model truth.toml --input run.csv --out out.csv");
     let samples = record(PLAIN, SECONDS, 1);

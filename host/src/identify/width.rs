@@ -75,14 +75,16 @@ pub(super) fn choose_width(
         let most = (track.whole / 40).max(FEWEST_SAMPLES);
         ((width / track.period).round() as usize).clamp(FEWEST_SAMPLES, most)
     };
+    // Without inertia there is no acceleration to compare, nor encoder noise in it.
+    let massless = model.inertia.known && model.inertia.value == Some(0.0);
+    let side = if massless {
+        Response::Force
+    } else {
+        Response::Acceleration
+    };
     let problem = |width: f64| {
         let reaches: Vec<usize> = tracks.iter().map(|t| reach(t, width)).collect();
-        Problem::new(
-            tracks.to_vec(),
-            &reaches,
-            model.motion,
-            Response::Acceleration,
-        )
+        Problem::new(tracks.to_vec(), &reaches, model.motion, side)
     };
     let widths = options.half_width.map_or(HALF_WIDTHS.to_vec(), |w| vec![w]);
     let mut chosen = Width {
@@ -112,6 +114,9 @@ pub(super) fn choose_width(
 
 /// Share of the residual variance that encoder noise accounts for.
 fn encoder_share(problem: &Problem, dictionary: &Dictionary, model: &Model) -> Result<f64> {
+    if problem.response == Response::Force {
+        return Ok(0.0);
+    }
     let system = System::new(problem, &with_starts(problem, model))?;
     let folds = system::folds(problem);
     let (residual, unknowns) = follow_everything(problem, &system, dictionary, &folds)?;
