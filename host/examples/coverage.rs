@@ -6,7 +6,7 @@
 //! ```
 //!
 //! Options: `--law NAME` for one law, `--runs`, `--seed`, `--counts` a turn (16384), `--noise` as a share of the torque
-//! (0.02), `--experiment both|fast|slow`. Each axis is drawn afresh and driven twice for 24 s: by a multisine of torque,
+//! (0.02), `--experiment both|fast|slow`, `--method dbi|pem`. Each axis is drawn afresh and driven twice for 24 s: by a multisine of torque,
 //! and slowly by a position controller through zero velocity, as Stribeck curves ask for.
 
 use std::collections::BTreeMap;
@@ -21,6 +21,7 @@ use bristle::bench::{self, Control, Sensors};
 use bristle::excite::{Excitation, Shape};
 use bristle::identify::{Options, identify};
 use bristle::model::Model;
+use bristle::pem::{self, Optimiser};
 use bristle::plant;
 use bristle::recording::Recording;
 
@@ -48,6 +49,7 @@ struct Set {
     noise: f64,
     fast: bool,
     slow: bool,
+    pem: bool,
 }
 
 /// Relative errors and errors in standard errors, by parameter.
@@ -71,6 +73,7 @@ fn main() {
         noise: number("noise", 0.02),
         fast: experiment != "slow",
         slow: experiment != "fast",
+        pem: option("method").is_some_and(|method| method == "pem"),
     };
     let runs = number("runs", 100.0) as u64;
     let seed = number("seed", 1.0) as u64;
@@ -181,9 +184,19 @@ fn attempt(law: &str, extra: &[&str], seed: u64, set: Set) -> bristle::error::Re
         let control = Control::of_bandwidth(6.0, 1.0 / inertia);
         recordings.push(record(&plant, &signal, Some(control), sensors(seed + 1))?);
     }
-    let (_, found) = identify(&recordings, &asked, Options::default())?;
-    let labels = found.model.labels();
-    let parameters = labels.iter().zip(found.model.parameters());
+    let (bench, found) = identify(&recordings, &asked, Options::default())?;
+    let mut model = found.model;
+    if set.pem {
+        let options = pem::Options {
+            optimiser: Optimiser::LevenbergMarquardt,
+            horizon: None,
+            most: 1000,
+        };
+        let tracks = &bench.problem.tracks;
+        model = pem::estimate(&recordings, tracks, &model, options, &|_| {})?.0;
+    }
+    let labels = model.labels();
+    let parameters = labels.iter().zip(model.parameters());
     Ok(parameters
         .filter_map(|(label, p)| {
             let truth = truth.get(label.name)?;
