@@ -274,11 +274,9 @@ impl Problem {
     /// # Panics
     /// Without a single recording.
     pub fn survey(&self, model: &Model) -> Survey {
-        let surveys = self
-            .tracks
-            .iter()
-            .zip(&self.windows)
-            .map(|(t, w)| t.survey(self.motion, w.reach as f64 * t.period));
+        let widths = self.half_widths();
+        let surveys = self.tracks.iter().zip(widths);
+        let surveys = surveys.map(|(t, half_width)| t.survey(self.motion, half_width));
         let all = surveys
             .reduce(|a, b| Survey {
                 motion: a.motion,
@@ -305,10 +303,15 @@ impl Problem {
         track.start + row.centre as f64 * track.period
     }
 
+    /// Half-width of the windows of each track, s.
+    pub fn half_widths(&self) -> impl Iterator<Item = f64> {
+        let tracks = self.tracks.iter().zip(&self.windows);
+        tracks.map(|(t, w)| w.reach as f64 * t.period)
+    }
+
     /// Half-width of the widest windows, s.
     pub fn half_width(&self) -> f64 {
-        let tracks = self.tracks.iter().zip(&self.windows);
-        tracks.fold(0.0, |widest, (t, w)| widest.max(w.reach as f64 * t.period))
+        self.half_widths().fold(0.0, f64::max)
     }
 
     /// Number of rows in a part.

@@ -203,6 +203,15 @@ impl System {
         system
     }
 
+    /// The columns of the system, and others after them.
+    pub fn columns_and<'a>(
+        &'a self,
+        others: impl IntoIterator<Item = &'a [f64]>,
+    ) -> Vec<&'a [f64]> {
+        let own = self.columns.iter().map(Vec::as_slice);
+        own.chain(others).collect()
+    }
+
     /// A column that carries encoder noise, and the energy of that noise.
     pub fn errors(&self) -> Option<(usize, f64)> {
         self.errors
@@ -210,7 +219,7 @@ impl System {
 
     /// Fits the system over the rows that have a fold.
     pub fn score(&self, folds: &[Option<usize>]) -> Option<Score> {
-        let columns: Vec<&[f64]> = self.columns.iter().map(Vec::as_slice).collect();
+        let columns = self.columns_and([]);
         linear::score(&self.response, &columns, folds, 0.0, self.errors)
     }
 

@@ -127,8 +127,6 @@ impl Command {
         let found = self
             .found(input, &model, &progress)
             .map_err(|e| named(e, &self.recordings, &self.model))?;
-        let windows = &found.bench.problem.windows;
-        let widths = windows.iter().zip(&found.bench.problem.tracks);
         let identification = Identification {
             schema: "bristle.identification/1",
             method: self.how.method,
@@ -136,7 +134,7 @@ impl Command {
             warnings: check::warnings(&found.bench, &found.identified.model, &found.shown),
             parameters: estimates(&found.identified.model, None),
             fit: found.identified.fit,
-            half_width: widths.map(|(w, t)| w.reach as f64 * t.period).collect(),
+            half_width: found.bench.problem.half_widths().collect(),
             rows: found.rows,
             samples,
             samples_per_second: samples as f64 / begun.elapsed().as_secs_f64(),

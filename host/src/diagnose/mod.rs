@@ -95,13 +95,7 @@ pub fn diagnose(
             before: baseline.fit,
             after: after_fit,
         },
-        half_width: bench
-            .problem
-            .windows
-            .iter()
-            .zip(&bench.problem.tracks)
-            .map(|(w, t)| w.reach as f64 * t.period)
-            .collect(),
+        half_width: bench.problem.half_widths().collect(),
     };
     Ok(Outcome {
         diagnosis,

@@ -17,7 +17,7 @@
 //! # References
 //! W. Leonhard, Control of Electrical Drives, 2001, sec. 5.1 (the armature circuit) and 7.1 (the current loop).
 
-use super::{Confusion, Effect, Given, Inner, Motion, Path, Quantity, Scale, Seat, Spec, Survey, geometric};
+use super::{Confusion, Effect, Given, Motion, Path, Quantity, Seat, Spec, Survey, geometric};
 use crate::format::quantity;
 
 pub(super) struct ActuatorLag;
@@ -72,12 +72,6 @@ impl Effect for ActuatorLag {
         // Beyond the half-width of the windows drive and response have next to nothing in common.
         let most = survey.half_width.max(8.0 * survey.period);
         geometric(0.25 * survey.period, most, 16)
-    }
-    fn named(&self, inner: Inner, _c: &[f64], _scale: Scale) -> Vec<f64> {
-        vec![inner[0]]
-    }
-    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
-        ([p[0], 0.0], Vec::new())
     }
     fn transmit(&self, p: &[f64], path: &mut Path) {
         path.lag = p[0];

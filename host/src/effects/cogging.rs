@@ -17,7 +17,7 @@
 //! # References
 //! D. Hanselman, Brushless Permanent Magnet Motor Design, 2006, ch. 5.
 
-use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Scale, Spec, Survey, periodicities};
+use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Scale, Spec, Survey, cartesian, periodicities, polar};
 use crate::format::{quantity, shortest};
 
 pub(super) struct Cogging;
@@ -77,9 +77,10 @@ impl Effect for Cogging {
         (out[0], out[1]) = (inner[0] * at.angle).sin_cos();
     }
     fn named(&self, inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
-        vec![c[0].hypot(c[1]), c[1].atan2(c[0]), inner[0]]
+        let [amplitude, phase] = polar(c);
+        vec![amplitude, phase, inner[0]]
     }
     fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
-        ([p[2], 0.0], vec![p[0] * p[1].cos(), p[0] * p[1].sin()])
+        ([p[2], 0.0], cartesian(p[0], p[1]))
     }
 }

@@ -17,7 +17,7 @@
 //! # References
 //! K. J. Åström, B. Wittenmark, Computer-Controlled Systems, 1997, ch. 3 (delay under a zero-order hold).
 
-use super::{Confusion, Effect, Inner, Motion, Path, Quantity, Scale, Seat, Spec, Survey};
+use super::{Confusion, Effect, Motion, Path, Quantity, Seat, Spec, Survey};
 use crate::format::quantity;
 
 pub(super) struct Delay;
@@ -62,12 +62,6 @@ impl Effect for Delay {
         // A delay beyond the half-width of the windows would decorrelate drive and response altogether.
         let most = survey.half_width.max(8.0 * survey.period);
         super::geometric(0.25 * survey.period, most, 24)
-    }
-    fn named(&self, inner: Inner, _c: &[f64], _scale: Scale) -> Vec<f64> {
-        vec![inner[0]]
-    }
-    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
-        ([p[0], 0.0], Vec::new())
     }
     fn admissible(&self, _c: &[f64]) -> bool {
         true

@@ -17,7 +17,7 @@
 //! # References
 //! B. Siciliano et al., Robotics: Modelling, Planning and Control, 2009, ch. 7 (gravity terms).
 
-use super::{Confusion, Effect, Given, FREE, Inner, Motion, Point, Quantity, Scale, Spec};
+use super::{Confusion, Effect, FREE, Given, Inner, Motion, Point, Quantity, Scale, Spec, cartesian, polar};
 use crate::format::quantity;
 use std::f64::consts::{PI, TAU};
 
@@ -75,9 +75,9 @@ impl Effect for Gravity {
         (out[0], out[1]) = at.q.sin_cos();
     }
     fn named(&self, _inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
-        vec![c[0].hypot(c[1]), c[1].atan2(c[0])]
+        polar(c).to_vec()
     }
     fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
-        (FREE, vec![p[0] * p[1].cos(), p[0] * p[1].sin()])
+        (FREE, cartesian(p[0], p[1]))
     }
 }

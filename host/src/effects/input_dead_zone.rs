@@ -19,7 +19,7 @@
 //! # References
 //! G. Tao, P. V. Kokotović, Adaptive control of plants with unknown dead-zones, IEEE TAC 39(1), 1994, eq. 2.1.
 
-use super::{Confusion, Effect, Given, Inner, Motion, Path, Quantity, Scale, Seat, Spec, Survey, geometric, uncut};
+use super::{Confusion, Effect, Given, Motion, Path, Quantity, Seat, Spec, Survey, geometric, uncut};
 use crate::format::significant;
 
 pub(super) struct InputDeadZone;
@@ -75,12 +75,6 @@ impl Effect for InputDeadZone {
     }
     fn grid(&self, survey: &Survey) -> Vec<f64> {
         geometric(0.01 * survey.input.0, survey.input.0, 14)
-    }
-    fn named(&self, inner: Inner, _c: &[f64], _scale: Scale) -> Vec<f64> {
-        vec![inner[0]]
-    }
-    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
-        ([p[0], 0.0], Vec::new())
     }
     fn transmit(&self, p: &[f64], path: &mut Path) {
         path.dead_zone += p[0];

@@ -155,10 +155,15 @@ pub trait Effect: Sync {
     fn coupling(&self, _parameters: &[f64]) -> Option<Coupling> {
         None
     }
-    /// Named parameters from the linear solution.
-    fn named(&self, inner: Inner, coefficients: &[f64], scale: Scale) -> Vec<f64>;
-    /// The linear solution from named parameters: inner parameters and coefficients.
-    fn linear(&self, parameters: &[f64], scale: Scale) -> (Inner, Vec<f64>);
+    /// Named parameters from the linear solution. As it stands, for an effect that is its inner parameter alone.
+    fn named(&self, inner: Inner, _coefficients: &[f64], _scale: Scale) -> Vec<f64> {
+        vec![inner[0]]
+    }
+    /// The linear solution from named parameters: inner parameters and coefficients. As it stands, for an effect that is
+    /// its inner parameter alone.
+    fn linear(&self, parameters: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
+        ([parameters[0], 0.0], Vec::new())
+    }
     /// Whether physics allows these coefficients.
     fn admissible(&self, _coefficients: &[f64]) -> bool {
         true
@@ -267,6 +272,16 @@ pub fn tell_apart(one: &dyn Effect, other: &dyn Effect) -> String {
                 excites(other)
             )
         })
+}
+
+/// Amplitude and phase of `c₀·sin x + c₁·cos x = amplitude·sin(x + phase)`.
+fn polar(c: &[f64]) -> [f64; 2] {
+    [c[0].hypot(c[1]), c[1].atan2(c[0])]
+}
+
+/// The coefficients of sine and cosine: [`polar`] undone.
+fn cartesian(amplitude: f64, phase: f64) -> Vec<f64> {
+    vec![amplitude * phase.cos(), amplitude * phase.sin()]
 }
 
 /// Most periods per turn that are tried.

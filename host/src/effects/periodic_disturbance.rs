@@ -19,7 +19,7 @@
 //! M. Bodson, S. C. Douglas, Adaptive algorithms for the rejection of sinusoidal disturbances with unknown frequency,
 //! Automatica 33(12), 1997; A. Schuster, On the investigation of hidden periodicities, 1898 (the periodogram).
 
-use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Scale, Search, Spec};
+use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Scale, Search, Spec, cartesian, polar};
 use crate::format::quantity;
 
 pub(super) struct PeriodicDisturbance;
@@ -82,10 +82,11 @@ impl Effect for PeriodicDisturbance {
         (out[0], out[1]) = (-sin, -cos);
     }
     fn named(&self, inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
-        vec![c[0].hypot(c[1]), c[1].atan2(c[0]), inner[0]]
+        let [amplitude, phase] = polar(c);
+        vec![amplitude, phase, inner[0]]
     }
     fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
-        ([p[2], 0.0], vec![p[0] * p[1].cos(), p[0] * p[1].sin()])
+        ([p[2], 0.0], cartesian(p[0], p[1]))
     }
 }
 

@@ -20,7 +20,7 @@
 //! B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, A survey of models, analysis tools and compensation methods for
 //! the control of machines with friction, Automatica 30(7), 1994, sec. 2.1 (position dependence).
 
-use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Scale, Spec, Survey};
+use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Scale, Spec, Survey, cartesian, polar};
 use crate::format::quantity;
 
 /// Waves over the travel: from half of one on, thirds apart.
@@ -94,10 +94,11 @@ impl Effect for PositionDependentFriction {
         (out[0], out[1]) = (at.s * sin, at.s * cos);
     }
     fn named(&self, inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
-        vec![c[0].hypot(c[1]), c[1].atan2(c[0]), inner[0]]
+        let [amplitude, phase] = polar(c);
+        vec![amplitude, phase, inner[0]]
     }
     fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
-        ([p[2], 0.0], vec![p[0] * p[1].cos(), p[0] * p[1].sin()])
+        ([p[2], 0.0], cartesian(p[0], p[1]))
     }
 }
 

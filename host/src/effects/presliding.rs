@@ -109,12 +109,6 @@ impl Effect for Presliding {
     fn grid(&self, survey: &Survey) -> Vec<f64> {
         stiffnesses(survey)
     }
-    fn named(&self, inner: Inner, _c: &[f64], _scale: Scale) -> Vec<f64> {
-        vec![inner[0]]
-    }
-    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
-        ([p[0], 0.0], Vec::new())
-    }
     fn bristle_stiffness(&self, p: &[f64]) -> Option<f64> {
         Some(p[0])
     }

@@ -18,7 +18,7 @@
 //! # References
 //! K. J. Åström, L. Rundqwist, Integrator windup and how to avoid it, American Control Conference 1989.
 
-use super::{Confusion, Effect, Given, Inner, Motion, Path, Quantity, Scale, Seat, Spec, Survey, uncut};
+use super::{Confusion, Effect, Given, Motion, Path, Quantity, Seat, Spec, Survey, uncut};
 use crate::format::significant;
 
 pub(super) struct Saturation;
@@ -75,12 +75,6 @@ impl Effect for Saturation {
         (0..20)
             .map(|k| low + (most - low) * (f64::from(k) + 0.5) / 20.0)
             .collect()
-    }
-    fn named(&self, inner: Inner, _c: &[f64], _scale: Scale) -> Vec<f64> {
-        vec![inner[0]]
-    }
-    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
-        ([p[0], 0.0], Vec::new())
     }
     fn transmit(&self, p: &[f64], path: &mut Path) {
         path.limit = path.limit.min(p[0]);

@@ -20,7 +20,7 @@
 //! J. Lara, J. Xu, A. Chandra, Effects of rotor position error in the performance of field-oriented-controlled PMSM drives
 //! for electric vehicle traction applications, IEEE Trans. Industrial Electronics 63(8), 2016.
 
-use super::{Confusion, Effect, FREE, Given, Inner, Motion, Quantity, Scale, Seat, Spec};
+use super::{Confusion, Effect, FREE, Given, Inner, Motion, Quantity, Scale, Seat, Spec, cartesian, polar};
 use crate::format::quantity;
 
 pub(super) struct SensorEccentricity;
@@ -77,9 +77,9 @@ impl Effect for SensorEccentricity {
         (out[0], out[1]) = ((sin, cos), (cos, -sin));
     }
     fn named(&self, _inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
-        vec![c[0].hypot(c[1]), c[1].atan2(c[0])]
+        polar(c).to_vec()
     }
     fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
-        (FREE, vec![p[0] * p[1].cos(), p[0] * p[1].sin()])
+        (FREE, cartesian(p[0], p[1]))
     }
 }

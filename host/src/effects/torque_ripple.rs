@@ -20,7 +20,7 @@
 //! T. M. Jahns, W. L. Soong, Pulsating torque minimization techniques for permanent magnet AC motor drives: a review,
 //! IEEE Trans. Industrial Electronics 43(2), 1996.
 
-use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Scale, Spec, Survey, periodicities};
+use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Scale, Spec, Survey, cartesian, periodicities, polar};
 use crate::format::{shortest, significant};
 
 pub(super) struct TorqueRipple;
@@ -84,11 +84,11 @@ impl Effect for TorqueRipple {
         (out[0], out[1]) = (-at.moment.u * sin, -at.moment.u * cos);
     }
     fn named(&self, inner: Inner, c: &[f64], scale: Scale) -> Vec<f64> {
-        vec![c[0].hypot(c[1]) / scale.gain, c[1].atan2(c[0]), inner[0]]
+        let [size, phase] = polar(c);
+        vec![size / scale.gain, phase, inner[0]]
     }
     fn linear(&self, p: &[f64], scale: Scale) -> (Inner, Vec<f64>) {
-        let size = scale.gain * p[0];
-        ([p[2], 0.0], vec![size * p[1].cos(), size * p[1].sin()])
+        ([p[2], 0.0], cartesian(scale.gain * p[0], p[1]))
     }
 }
 

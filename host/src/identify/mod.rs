@@ -5,7 +5,7 @@ mod side;
 mod smoothing;
 mod width;
 
-use std::rc::Rc;
+use std::cell::OnceCell;
 
 use crate::dictionary::Dictionary;
 use crate::error::{Error, Result};
@@ -48,6 +48,8 @@ pub struct Workbench {
     /// Inertia found with all generic functions in: what a model falls back to that leaves so much out that its own
     /// inertia would be negative.
     robust_inertia: Option<f64>,
+    /// The same windows on velocities smoothed half as wide, with their folds, made when first asked for.
+    finer: OnceCell<(Problem, Vec<Option<usize>>)>,
 }
 
 /// What the user decides instead of the tool.
@@ -122,8 +124,7 @@ impl Workbench {
             .flat_map(|g| &g.columns)
             .map(|c| self.noise.whiten(c))
             .collect();
-        let columns = system.columns.iter().chain(&position);
-        let columns: Vec<&[f64]> = columns.map(Vec::as_slice).collect();
+        let columns = system.columns_and(position.iter().map(Vec::as_slice));
         let score = linear::score(
             &system.response,
             &columns,
@@ -169,6 +170,7 @@ impl Workbench {
             dictionary,
             width,
             robust_inertia,
+            finer: OnceCell::new(),
         })
     }
 
@@ -341,17 +343,8 @@ pub fn follow_everything(
     dictionary: &Dictionary,
     folds: &[Option<usize>],
 ) -> Result<(Vec<f64>, usize)> {
-    let generic: Vec<Rc<Vec<f64>>> = dictionary
-        .groups(problem)
-        .into_iter()
-        .flat_map(|g| g.columns)
-        .collect();
-    let columns: Vec<&[f64]> = system
-        .columns
-        .iter()
-        .map(Vec::as_slice)
-        .chain(generic.iter().map(|c| c.as_slice()))
-        .collect();
+    let groups = dictionary.groups(problem);
+    let columns = system.columns_and(groups.iter().flat_map(|g| &g.columns).map(|c| c.as_slice()));
     let score = linear::score(&system.response, &columns, folds, GENERIC_RIDGE, None)
         .ok_or_else(|| Error::Internal("the generic dictionary is degenerate".to_owned()))?;
     let mut residual = system.response.clone();
@@ -370,10 +363,7 @@ fn undetermined(model: &Model) -> Error {
         .iter()
         .zip(model.parameters())
         .filter(|(_, p)| !p.known)
-        .map(|(l, _)| {
-            l.effect
-                .map_or_else(|| l.name.to_owned(), |id| format!("{id}.{}", l.name))
-        })
+        .map(|(l, _)| l.to_string())
         .collect();
     Error::NotIdentifiable(format!(
         "the recording does not excite the model: {} cannot be told apart; drive both directions at several speeds",

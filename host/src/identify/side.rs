@@ -47,12 +47,7 @@ pub(super) fn choose_response(
     let mut inertia = |response: Response, generic: &[Rc<Vec<f64>>]| -> Result<Option<f64>> {
         problem.response = response;
         let system = System::new(problem, model)?;
-        let columns: Vec<&[f64]> = system
-            .columns
-            .iter()
-            .map(Vec::as_slice)
-            .chain(generic.iter().map(|c| c.as_slice()))
-            .collect();
+        let columns = system.columns_and(generic.iter().map(|c| c.as_slice()));
         let score = linear::score(&system.response, &columns, folds, GENERIC_RIDGE, None);
         // The inertia, or its inverse, is the first unknown of the system.
         Ok(score.map(|s| {

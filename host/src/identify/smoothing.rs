@@ -31,6 +31,16 @@ impl Workbench {
     }
 
     fn with_half_the_smoothing(&self, model: &Model, recordings: &[Recording]) -> Option<Model> {
+        let (problem, folds) = self.finer.get_or_init(|| self.finer_problem(recordings));
+        folds.iter().flatten().next()?;
+        let noise = (self.noise.law).on(problem, &system::residual(problem, model), folds);
+        let mut model = model.clone();
+        refine::refine(problem, &mut model, &noise, folds);
+        Some(model)
+    }
+
+    /// The same windows on velocities that are smoothed half as wide, with the folds of their rows.
+    fn finer_problem(&self, recordings: &[Recording]) -> (Problem, Vec<Option<usize>>) {
         let before = &self.problem;
         let tracks = recordings.iter().zip(&before.tracks).map(|(r, t)| {
             let finer = Some(t.smoothing.finer());
@@ -40,10 +50,6 @@ impl Workbench {
         let tracks = tracks.collect();
         let problem = Problem::new(tracks, &reaches, before.motion, before.response);
         let folds = system::folds(&problem);
-        folds.iter().flatten().next()?;
-        let noise = (self.noise.law).on(&problem, &system::residual(&problem, model), &folds);
-        let mut model = model.clone();
-        refine::refine(&problem, &mut model, &noise, &folds);
-        Some(model)
+        (problem, folds)
     }
 }

@@ -252,10 +252,8 @@ fn figures_note(subject: &Subject, predictions: &[Prediction]) -> String {
 fn method(subject: &Subject) -> Section {
     let problem = &subject.bench.problem;
     let mut widths: Vec<String> = problem
-        .windows
-        .iter()
-        .zip(&problem.tracks)
-        .map(|(w, t)| significant(w.reach as f64 * t.period, 3))
+        .half_widths()
+        .map(|width| significant(width, 3))
         .collect();
     widths.dedup();
     let side = match problem.response {

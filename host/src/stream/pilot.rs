@@ -51,11 +51,8 @@ impl Pilot {
         })?;
         let (model, _) = bench.estimate(model)?;
         let problem = &bench.problem;
-        let widths = problem.windows.iter().zip(&problem.tracks);
         let plan = Plan {
-            half_width: widths
-                .map(|(w, t)| w.reach as f64 * t.period)
-                .fold(0.0, f64::max),
+            half_width: problem.half_width(),
             response: problem.response,
             law: bench.noise.law.clone(),
             balance: bench.balance,
