@@ -1,0 +1,190 @@
+//! Controllers on a simulated axis: what they achieve, and what they must never do.
+
+mod servo;
+
+use bristle_core::Scalar;
+use bristle_core::control::{Controller, Method, Output, Parameters, Position, SetPoint};
+use bristle_core::friction::Units;
+use bristle_core::scalar::Q16;
+use servo::{Axis, COUNT, PERIOD, TRUTH, Truth, parameters};
+
+/// A set point in SI units.
+#[derive(Clone, Copy)]
+struct Wanted {
+    q: f64,
+    v: f64,
+    a: f64,
+}
+
+/// A sine of 0.5 rad at 0.2 Hz.
+fn sine(t: f64) -> Wanted {
+    let omega = std::f64::consts::TAU * 0.2;
+    Wanted {
+        q: 0.5 * (1.0 - (omega * t).cos()),
+        v: 0.5 * omega * (omega * t).sin(),
+        a: 0.5 * omega * omega * (omega * t).cos(),
+    }
+}
+
+/// SI units, in which floating point works.
+const SI: Units = Units {
+    force: 1.0,
+    position: 1.0,
+    velocity: 1.0,
+};
+
+/// Units for fixed point: 0.2 N·m, eight counts, and a time of 12 ms.
+const SCALED: Units = Units {
+    force: 0.2,
+    position: 8.0 * COUNT,
+    velocity: 1.0,
+};
+
+/// Runs an axis for `seconds` under control; true states and outputs of each sample.
+fn run<T: Scalar>(
+    truth: impl Fn(f64) -> Truth,
+    parameters: &Parameters<f64>,
+    units: &Units,
+    seconds: f64,
+    wanted: impl Fn(f64) -> Wanted,
+) -> Vec<(Axis, Output<T>)> {
+    let mut controller = Controller::new(parameters.scaled::<T>(units).unwrap(), 0).unwrap();
+    let mut axis = Axis {
+        q: 0.5 * COUNT,
+        ..Axis::default()
+    };
+    let samples = (seconds / PERIOD).round() as u32;
+    let mut out = Vec::new();
+    for k in 0..samples {
+        let t = f64::from(k) * PERIOD;
+        let counts = Scalar::floor(axis.q / COUNT);
+        let aim = wanted(t);
+        let set_point = SetPoint::Position {
+            position: Position::from_f64(aim.q / COUNT + 0.5),
+            velocity: T::from_f64(aim.v / units.velocity),
+            acceleration: T::from_f64(aim.a * units.time() / units.velocity),
+        };
+        let output = controller.step(counts, set_point);
+        assert!(output.finite);
+        out.push((axis, output));
+        // `u` keeps its own unit, and a gain of 1 makes it the torque.
+        axis.advance(&truth(t), output.command.to_f64(), PERIOD);
+    }
+    out
+}
+
+/// RMS of the true position error in counts after `from` seconds.
+fn rms<T>(run: &[(Axis, T)], from: f64, wanted: impl Fn(f64) -> Wanted) -> f64 {
+    let first = (from / PERIOD) as usize;
+    let errors = run.iter().enumerate().skip(first).map(|(k, (axis, _))| {
+        let error = (wanted(k as f64 * PERIOD).q - (axis.q - 0.5 * COUNT)) / COUNT;
+        error * error
+    });
+    (errors.sum::<f64>() / (run.len() - first) as f64).sqrt()
+}
+
+fn without(parameters: &Parameters<f64>) -> Parameters<f64> {
+    let mut parameters = *parameters;
+    parameters.compensation.method = Method::Off;
+    // The observer may know friction all the same: it is the controller that differs.
+    parameters
+}
+
+#[test]
+fn compensation_takes_most_of_the_error_away() {
+    let with = parameters(&TRUTH, 120.0);
+    let compensated = rms(&run::<f64>(|_| TRUTH, &with, &SI, 10.0, sine), 1.0, sine);
+    let plain = rms(
+        &run::<f64>(|_| TRUTH, &without(&with), &SI, 10.0, sine),
+        1.0,
+        sine,
+    );
+    assert!(compensated < 0.2 * plain, "{compensated} {plain}");
+}
+
+#[test]
+fn the_level_is_learned_within_two_seconds_from_anywhere() {
+    let changed = |t: f64| Truth {
+        coulomb: if t < 10.0 { 0.2 } else { 0.3 },
+        static_level: if t < 10.0 { 0.2 } else { 0.3 },
+        ..TRUTH
+    };
+    let mut learning = parameters(&TRUTH, 120.0);
+    learning.adaptation.rate = 10.0;
+    for start in [0.02, 0.2, 0.4] {
+        learning.friction.coulomb = start;
+        learning.friction.static_level = start;
+        let run = run::<f64>(changed, &learning, &SI, 20.0, sine);
+        let level = |t: f64| run[(t / PERIOD) as usize].1.coulomb;
+        assert!((level(2.0) - 0.2).abs() < 0.02, "{}", level(2.0));
+        assert!((level(12.0) - 0.3).abs() < 0.03, "{}", level(12.0));
+    }
+}
+
+#[test]
+fn single_precision_and_fixed_point_control_as_well_as_double() {
+    let mut with = parameters(&TRUTH, 120.0);
+    with.adaptation.rate = 10.0;
+    let double = rms(&run::<f64>(|_| TRUTH, &with, &SI, 10.0, sine), 1.0, sine);
+    let single = rms(&run::<f32>(|_| TRUTH, &with, &SI, 10.0, sine), 1.0, sine);
+    let fixed = rms(
+        &run::<Q16>(|_| TRUTH, &with, &SCALED, 10.0, sine),
+        1.0,
+        sine,
+    );
+    assert!(single < 1.1 * double && fixed < 1.5 * double);
+}
+/// A smooth move of 0.5 rad in a second, then standstill.
+fn settle(t: f64) -> Wanted {
+    if t >= 1.0 {
+        return Wanted {
+            q: 0.5,
+            v: 0.0,
+            a: 0.0,
+        };
+    }
+    let omega = std::f64::consts::PI;
+    Wanted {
+        q: 0.25 * (1.0 - (omega * t).cos()),
+        v: 0.25 * omega * (omega * t).sin(),
+        a: 0.25 * omega * omega * (omega * t).cos(),
+    }
+}
+
+/// Largest error and travel in counts over the last second of a run.
+fn standstill<T>(run: &[(Axis, T)]) -> (f64, f64) {
+    let last = &run[run.len() - 1000..];
+    let error = |q: f64| (0.5 - (q - 0.5 * COUNT)).abs() / COUNT;
+    let worst = last
+        .iter()
+        .map(|(axis, _)| error(axis.q))
+        .fold(0.0, f64::max);
+    let travel = last.windows(2).map(|w| (w[1].0.q - w[0].0.q).abs() / COUNT);
+    (worst, travel.sum())
+}
+
+#[test]
+fn no_parameter_error_up_to_30_percent_makes_a_limit_cycle() {
+    let mut worst = (0.0_f64, 0.0_f64);
+    for error in [0.7, 0.85, 1.0, 1.15, 1.3] {
+        for inertia in [0.7, 1.0, 1.3] {
+            for stribeck in [1.0, 1.15, 1.3] {
+                for rate in [0.0, 10.0] {
+                    let truth = Truth {
+                        coulomb: TRUTH.coulomb * error,
+                        static_level: TRUTH.coulomb * error * stribeck,
+                        inertia: TRUTH.inertia * inertia,
+                        ..TRUTH
+                    };
+                    let mut with = parameters(&TRUTH, 120.0);
+                    with.adaptation.rate = rate;
+                    let run = run::<f32>(|_| truth, &with, &SI, 5.0, settle);
+                    let (off, travel) = standstill(&run);
+                    worst = (worst.0.max(off), worst.1.max(travel));
+                }
+            }
+        }
+    }
+    // Within a count by the encoder, which rounds by half of one.
+    assert!(worst.0 <= 1.5 && worst.1 == 0.0, "{worst:?}");
+}
