@@ -3,7 +3,7 @@
 mod servo;
 
 use bristle_core::Scalar;
-use bristle_core::control::{Controller, Method, Output, Parameters, Position, SetPoint};
+use bristle_core::control::{Controller, Learning, Method, Output, Parameters, Position, SetPoint};
 use bristle_core::friction::Units;
 use bristle_core::scalar::Q16;
 use servo::{Axis, COUNT, PERIOD, TRUTH, Truth, parameters};
@@ -110,7 +110,7 @@ fn the_level_is_learned_within_two_seconds_from_anywhere() {
         ..TRUTH
     };
     let mut learning = parameters(&TRUTH, 120.0);
-    learning.adaptation.rate = 10.0;
+    learning.adaptation.method = Learning::Observer;
     for start in [0.02, 0.2, 0.4] {
         learning.friction.coulomb = start;
         learning.friction.static_level = start;
@@ -124,7 +124,7 @@ fn the_level_is_learned_within_two_seconds_from_anywhere() {
 #[test]
 fn single_precision_and_fixed_point_control_as_well_as_double() {
     let mut with = parameters(&TRUTH, 120.0);
-    with.adaptation.rate = 10.0;
+    with.adaptation.method = Learning::Observer;
     let double = rms(&run::<f64>(|_| TRUTH, &with, &SI, 10.0, sine), 1.0, sine);
     let single = rms(&run::<f32>(|_| TRUTH, &with, &SI, 10.0, sine), 1.0, sine);
     let fixed = rms(
@@ -169,7 +169,7 @@ fn no_parameter_error_up_to_30_percent_makes_a_limit_cycle() {
     for error in [0.7, 0.85, 1.0, 1.15, 1.3] {
         for inertia in [0.7, 1.0, 1.3] {
             for stribeck in [1.0, 1.15, 1.3] {
-                for rate in [0.0, 10.0] {
+                for method in [Learning::Off, Learning::Observer, Learning::Rows] {
                     let truth = Truth {
                         coulomb: TRUTH.coulomb * error,
                         static_level: TRUTH.coulomb * error * stribeck,
@@ -177,7 +177,7 @@ fn no_parameter_error_up_to_30_percent_makes_a_limit_cycle() {
                         ..TRUTH
                     };
                     let mut with = parameters(&TRUTH, 120.0);
-                    with.adaptation.rate = rate;
+                    with.adaptation.method = method;
                     let run = run::<f32>(|_| truth, &with, &SI, 5.0, settle);
                     let (off, travel) = standstill(&run);
                     worst = (worst.0.max(off), worst.1.max(travel));
