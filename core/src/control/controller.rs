@@ -219,14 +219,10 @@ impl<T: Scalar> Controller<T> {
             Learning::Rows => {
                 // An offset in force is among what is known, and is to be learned anew.
                 let torque = known + last[1];
-                let seen = Seen {
-                    counts,
-                    velocity: after,
-                    torque,
-                };
+                let seen = Seen { counts, torque };
                 derived
                     .rows
-                    .sample(&mut state.rows, seen, adaptation.speed, &mut state.learned);
+                    .sample(&mut state.rows, seen, &mut state.learned);
                 state.learned = adaptation.bounded(state.learned, last);
             }
         }
