@@ -28,7 +28,7 @@
 //!         coulomb: 0.1, viscous: 0.01, static_level: 0.1, stribeck_velocity: 0.1, curve: Curve::Rational,
 //!         bristle_stiffness: 100.0, bristle_damping: 0.0,
 //!     },
-//!     compensation: Compensation { method: Method::Static, driver: Driver::Command, share: 1.0, slope: 0.5, crossing: 0.01 },
+//!     compensation: Compensation { method: Method::Static, driver: Driver::Command, share: 1.0, slope: 0.25, crossing: 0.01 },
 //!     adaptation: Adaptation {
 //!         method: Learning::Observer, speed: 0.1, lowest: 0.0, highest: 0.5, rate: 10.0,
 //!         window: 0.1, forgotten: 0.1, offset: 0.0,
