@@ -63,14 +63,34 @@ impl Drawn {
         };
         let (mass, spring) = (pair(1.0, 0.7, 1.5), pair(200.0, 0.6, 1.6));
         let level = SHARE * WISH.limit * rng.random_range(0.9..1.1);
-        Self {
+        let drawn = Self {
             mass,
             spring,
             viscous: rng.random_range(1.0..4.0),
             levels: [level, level * rng.random_range(0.6..1.4)],
             amplitude: rng.random_range(0.015..0.03),
             frequency: rng.random_range(0.25..0.5),
+        };
+        Self {
+            amplitude: drawn.amplitude.min(drawn.reach()),
+            ..drawn
         }
+    }
+
+    /// The largest amplitude for which mass, spring and friction leave a fifth of the force in reserve, all the time.
+    fn reach(&self) -> f64 {
+        let omega = TAU * self.frequency;
+        let most = |pair: [f64; 2]| pair[0].max(pair[1]);
+        let shares = WAVES.map(|(share, ratio)| {
+            [
+                share,
+                share * (ratio * omega),
+                share * (ratio * omega).powi(2),
+            ]
+        });
+        let [q, v, a] = [0, 1, 2].map(|k| shares.iter().map(|s| s[k]).sum::<f64>());
+        let per_amplitude = most(self.spring) * q + self.viscous * v + most(self.mass) * a;
+        (0.8 * WISH.limit - most(self.levels)) / per_amplitude
     }
 
     fn model(&self, changed: usize) -> Result<Model> {
@@ -84,17 +104,20 @@ impl Drawn {
     /// A slow sine with a quarter of a faster one on top, which shows the mass.
     fn aim(&self, t: f64) -> Aim {
         let mut sum = [0.0; 3];
-        for (share, ratio) in [(1.0, 1.0), (0.25, 5.0)] {
+        for (share, ratio) in WAVES {
             let (a, omega) = (share * self.amplitude, ratio * TAU * self.frequency);
             let (sine, cosine) = (omega * t).sin_cos();
-            sum[0] += a * (1.0 - cosine);
-            sum[1] += a * omega * sine;
-            sum[2] += a * omega * omega * cosine;
+            sum[0] += a * sine;
+            sum[1] += a * omega * cosine;
+            sum[2] -= a * omega * omega * sine;
         }
         let [q, v, a] = sum;
         Aim::Position { q, v, a }
     }
 }
+
+/// What is tracked: the share of each sine, and its frequency over the slow one's.
+const WAVES: [(f64, f64); 2] = [(1.0, 1.0), (0.25, 5.0)];
 
 /// What DBI is asked.
 const ASKED: &str = "[plant]\nmotion = \"linear\"\ninput = \"force\"\ninertia = \"?\"\n[friction]\nmodel = \"coulomb-viscous\"\ncoulomb = \"?\"\nviscous = \"?\"\n[effects.spring]\nstiffness = \"?\"\n";
@@ -116,7 +139,7 @@ pub(super) fn play(number: u64, mut rng: ChaCha8Rng) -> Result<Played> {
     let seed = rng.random();
     let mut identified = Vec::new();
     let (mut merits, mut shown) = (Vec::new(), Vec::new());
-    for way in [Way::Classic, Way::OffLine, Way::SelfTuned] {
+    for way in [Way::Classic, Way::OffLine, Way::Tuned, Way::SelfTuned] {
         let first = classic(&tuned(&parse(CATALOGUE)?)?);
         let mut servo = Servo::new(&drawn.model(0)?, &first, DISTURBANCE, seed)?;
         for stretch in 1..=4_u8 {
@@ -126,7 +149,7 @@ pub(super) fn play(number: u64, mut rng: ChaCha8Rng) -> Result<Played> {
             }
             let changed = usize::from(stretch > 2);
             let asks = match way {
-                Way::SelfTuned => stretch < 4,
+                Way::SelfTuned | Way::Tuned => stretch < 4,
                 // Once, before the change.
                 _ => way == Way::OffLine && stretch == 1,
             };
@@ -138,7 +161,12 @@ pub(super) fn play(number: u64, mut rng: ChaCha8Rng) -> Result<Played> {
                 }
                 // (θ̂, status): what the stretch does not show changes nothing.
                 if usable(&model.inertia) && usable(&model.coulomb) {
-                    servo.change_parameters(&tuned(&model)?)?;
+                    let all = tuned(&model)?;
+                    servo.change_parameters(&if way == Way::Tuned {
+                        classic(&all)
+                    } else {
+                        all
+                    })?;
                 }
             }
             if stretch == 2 {

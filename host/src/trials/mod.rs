@@ -49,7 +49,9 @@ pub enum Way {
     Rows,
     /// With friction identified again by DBI after it changed.
     Reidentified,
-    /// The same with all gains computed anew.
+    /// With all gains computed anew, and nothing done about friction: what tuning alone is worth.
+    Tuned,
+    /// The same with the friction that was identified.
     SelfTuned,
 }
 
@@ -62,6 +64,7 @@ impl Way {
             Self::Observer => "learned by the observer",
             Self::Rows => "learned from weak-form rows",
             Self::Reidentified => "identified again by DBI",
+            Self::Tuned => "tuned again, friction left alone",
             Self::SelfTuned => "identified and tuned again",
         }
     }

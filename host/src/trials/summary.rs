@@ -144,7 +144,7 @@ impl Campaign {
             .ways()
             .into_iter()
             .skip(1)
-            .filter(|way| *way != Way::OffLine);
+            .filter(|way| !matches!(way, Way::OffLine | Way::Tuned));
         adapted
             .filter_map(|way| Some(self.claims_of(way, &self.summary(way)?)))
             .flatten()

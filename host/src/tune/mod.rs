@@ -49,6 +49,11 @@ const OBSERVER: f64 = 8.0;
 /// second in which a slow motion shows one direction.
 const FASTEST_LEARNING: f64 = 10.0;
 
+/// Share of the prior of `bristle_core::control::Adaptation` that returns after a row. With the prior `P₀ = 16`, in units of
+/// a row's noise, the variance comes to rest at `P = (1 − f)·P/(1 + P) + f·P₀`, which for this share is 1/3: of what a row
+/// says a quarter is believed, so that a change is learned within ten rows and their noise is halved and more.
+const FORGOTTEN: f64 = 0.005;
+
 impl Drive {
     /// The drive of a model; says which values are missing. The armature of a motor is taken as its resistance alone: its
     /// current follows the voltage within a fraction of a millisecond.
@@ -178,7 +183,7 @@ pub fn parameters(model: &Model, wish: &Wish) -> Result<Parameters<f64>> {
             highest: torque_limit,
             rate: (observer_bandwidth / 16.0).min(FASTEST_LEARNING),
             window: 40.0 / observer_bandwidth,
-            forgotten: 0.1,
+            forgotten: FORGOTTEN,
             offset: 0.3,
         },
         effects: effects::of(model, &drive, count)?,
