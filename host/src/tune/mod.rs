@@ -202,7 +202,7 @@ pub fn parameters(model: &Model, wish: &Wish) -> Result<Parameters<f64>> {
     Ok(found)
 }
 
-/// The friction law of a model in the words of the controller.
+/// The friction law of a model in the words of the controller, whose exponential Stribeck curve has the exponent 2.
 fn friction(model: &Model) -> Friction<f64> {
     let value = |p: &crate::model::Parameter| p.value.unwrap_or_default();
     let coulomb = value(&model.coulomb).max(0.0);
