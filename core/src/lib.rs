@@ -5,12 +5,13 @@
 //!
 //! - [`scalar`]: the arithmetic a law needs, so that one source serves `f64`, `f32` and fixed point.
 //! - [`friction`]: friction laws with and without state, contacts of several dimensions, sticking and slipping.
-//! - [`link`]: the messages between the host and a board, and their framing.
 //! - [`weak`]: test functions, windowed functionals and least squares with covariance.
+//! - [`control`]: observers, friction compensation and controllers for an axis.
+//! - [`link`]: the messages between the host and a board, and their framing.
 //!
 //! A module uses only those before it in this order, which `tests/structure.rs` checks:
 //!
-//! scalar → friction → link → weak
+//! scalar → friction → weak → control → link
 //!
 //! Sign convention throughout: friction `F` *opposes* motion and is positive for positive velocity, so the
 //! equation of motion is `J·q̈ = k·u − F`.
@@ -19,6 +20,7 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod control;
 pub mod friction;
 pub mod link;
 pub mod scalar;

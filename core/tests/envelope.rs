@@ -212,6 +212,25 @@ impl<R: Rounding> Scalar for Tracked<R> {
     fn to_f64(self) -> f64 {
         self.value
     }
+    fn from_i32(value: i32) -> Self {
+        Self::result(value.into(), 0.0, R::sum)
+    }
+    fn floor(self) -> i32 {
+        let (low, high) = (self.value - self.error, self.value + self.error);
+        assert_eq!(low.floor(), high.floor(), "a floor that may be either");
+        Scalar::floor(self.value)
+    }
+    fn half(self) -> Self {
+        Self::result(0.5 * self.value, 0.5 * self.error, R::product)
+    }
+    fn wave(phase: u32) -> (Self, Self) {
+        let (sine, cosine) = f64::wave(phase);
+        let bound = |value| R::relaxation(value);
+        (
+            Self::result(sine, 0.0, bound),
+            Self::result(cosine, 0.0, bound),
+        )
+    }
     fn sqrt(self) -> Self {
         let slope = self.error / (self.value - self.error).max(0.0).sqrt();
         Self::result(self.value.sqrt(), slope.min(self.error.sqrt()), R::root)

@@ -1,10 +1,12 @@
 //! Friction that falls from a static level as sliding speeds up.
 
+use serde::{Deserialize, Serialize};
+
 use super::Friction;
 use crate::Scalar;
 
 /// How the static part decays with `x = v/vs`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Curve {
     /// `e^(−x²)` (Armstrong-Hélouvry 1991; the curve of the `LuGre` model, Canudas de Wit et al. 1995, eq. 4).
     Exponential,

@@ -62,7 +62,11 @@ impl Units {
         self.position / self.velocity
     }
 
-    fn scale<S: Scalar>(parameter: &'static str, value: f64, unit: f64) -> Result<S, OutOfRange> {
+    pub(crate) fn scale<S: Scalar>(
+        parameter: &'static str,
+        value: f64,
+        unit: f64,
+    ) -> Result<S, OutOfRange> {
         let scaled = value / unit;
         let held = S::from_f64(scaled);
         if (held.to_f64() - scaled).abs() <= 0.01 * scaled.abs() {

@@ -3,7 +3,7 @@
 use core::fmt;
 use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-use super::Scalar;
+use super::{Scalar, quarter, turned};
 
 /// A multiple of 2⁻¹⁶ from −2¹⁵ up to 2¹⁵ − 2⁻¹⁶.
 ///
@@ -167,6 +167,39 @@ impl Scalar for Q16 {
     #[inline]
     fn to_f64(self) -> f64 {
         f64::from(self.0) / f64::from(1_u32 << FRACTION)
+    }
+
+    #[inline]
+    fn from_i32(value: i32) -> Self {
+        Self::saturate(i64::from(value) << FRACTION)
+    }
+
+    #[inline]
+    fn floor(self) -> i32 {
+        self.0 >> FRACTION
+    }
+
+    #[inline]
+    fn half(self) -> Self {
+        Self(self.0 >> 1)
+    }
+
+    /// Within 2⁻¹⁷ + 2⁻²¹, each: by Taylor polynomials on an eighth of a turn to either side, whose remainders are below
+    /// `x⁹/9! < 2⁻²¹` and `x¹⁰/10! < 2⁻²⁵`.
+    #[inline]
+    fn wave(phase: u32) -> (Self, Self) {
+        /// π with 29 fractional bits.
+        const PI: i64 = 1_686_629_713;
+        let (quarter, rest) = quarter(phase);
+        // The angle with 31 fractional bits.
+        let x = (i64::from(rest) * PI) >> 29;
+        let x2 = (x * x) >> 31;
+        let below = |from: i64, part: i64, by: i64| from - ((part * x2) >> 31) / by;
+        let one = 1 << 31;
+        let sine = (below(one, below(one, below(one, one, 42), 20), 6) * x) >> 31;
+        let cosine = below(one, below(one, below(one, below(one, one, 56), 30), 12), 2);
+        let rounded = |wide: i64| Self(((wide + (1 << 14)) >> 15) as i32);
+        turned(quarter, (rounded(sine), rounded(cosine)))
     }
 
     /// Rounded down.

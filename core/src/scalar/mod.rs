@@ -38,6 +38,22 @@ pub trait Scalar:
     fn from_f64(value: f64) -> Self;
     /// The value as the reference type.
     fn to_f64(self) -> f64;
+    /// The nearest representable value; what is out of range saturates.
+    fn from_i32(value: i32) -> Self;
+    /// The largest integer that is not above the value; what is out of range saturates, and NaN becomes zero.
+    fn floor(self) -> i32;
+    /// Half of the value, rounded down in fixed point.
+    #[must_use]
+    fn half(self) -> Self;
+    /// Sine and cosine of `phase`·2π/2³²: a whole turn is the range of the number, so that a phase may wrap.
+    #[must_use]
+    fn wave(phase: u32) -> (Self, Self);
+    /// Whether the value is a number, and not infinite.
+    #[must_use]
+    fn is_finite(self) -> bool {
+        // Infinity and NaN are what zero does not annul.
+        self * Self::ZERO == Self::ZERO
+    }
     /// The non-negative square root; zero for negative arguments that stem from rounding.
     #[must_use]
     fn sqrt(self) -> Self;
@@ -93,9 +109,50 @@ pub trait Scalar:
     }
 }
 
+/// The nearest quarter of a turn, from 0 to 3, and the rest of a phase as at most 2²⁹ to either side.
+#[inline]
+fn quarter(phase: u32) -> (u32, i32) {
+    let quarter = phase.wrapping_add(1 << 29) >> 30;
+    (quarter, phase.wrapping_sub(quarter << 30) as i32)
+}
+
+/// Sine and cosine of a rest, turned by quarters.
+#[inline]
+fn turned<T: Scalar>(quarter: u32, (sine, cosine): (T, T)) -> (T, T) {
+    match quarter {
+        0 => (sine, cosine),
+        1 => (cosine, -sine),
+        2 => (-sine, -cosine),
+        _ => (-cosine, sine),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::Scalar;
+
+    /// The largest error of sine and cosine over phases of no special form.
+    fn wave_error<T: Scalar>() -> f64 {
+        let phases = (0..200_000_u32).map(|k| k.wrapping_mul(2_654_435_761));
+        let errors = phases.map(|phase| {
+            let exact = f64::from(phase) / 2f64.powi(32) * core::f64::consts::TAU;
+            let (sine, cosine) = T::wave(phase);
+            let off = (sine.to_f64() - libm::sin(exact)).abs();
+            off.max((cosine.to_f64() - libm::cos(exact)).abs())
+        });
+        errors.fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn waves_err_by_their_rounding_alone() {
+        assert!(wave_error::<f64>() < 4.0 * f64::EPSILON);
+        // Four roundings of a value below one, and the remainder 2·10⁻⁸ of the cosine.
+        assert!(wave_error::<f32>() < 4.0 * 2f64.powi(-24) + 3e-8);
+        // Half a unit in the last place, and 2⁻²¹ of remainder.
+        assert!(wave_error::<super::Q16>() < 2f64.powi(-17) + 2f64.powi(-21));
+        assert_eq!(f32::wave(1 << 30), (1.0, 0.0));
+        assert_eq!(f32::wave(1 << 31), (0.0, -1.0));
+    }
 
     #[test]
     fn sign_of_zero_is_zero_for_both_zeros() {
@@ -108,6 +165,30 @@ mod tests {
         assert!(Scalar::clamp_symmetric(0.5_f64, 1.0) == 0.5);
         assert!(Scalar::clamp_symmetric(-7.0_f64, 1.0) == -1.0);
         assert!(Scalar::clamp_symmetric(7.0_f32, 1.0) == 1.0);
+    }
+
+    /// Floor and back for one type, at integers, halves and their neighbours.
+    fn floors<S: Scalar>() {
+        for whole in [-30_000, -2, -1, 0, 1, 2, 29_999] {
+            let x = S::from_i32(whole);
+            let half = S::from_f64(0.5);
+            assert_eq!(x.to_f64(), f64::from(whole));
+            assert_eq!((x.floor(), (x + half).floor()), (whole, whole));
+            assert_eq!((x - S::from_f64(0.01)).floor(), whole - 1);
+            assert!(Scalar::is_finite(x));
+        }
+    }
+
+    #[test]
+    fn floor_goes_down_on_both_sides_of_zero() {
+        floors::<f64>();
+        floors::<f32>();
+        floors::<super::Q16>();
+        assert_eq!(Scalar::floor(f32::NAN), 0);
+        assert_eq!(Scalar::floor(1e20_f64), i32::MAX);
+        assert_eq!(Scalar::floor(-1e20_f32), i32::MIN);
+        assert_eq!(super::Q16::from_i32(i32::MIN), super::Q16::MIN);
+        assert!(!Scalar::is_finite(f32::NAN) && !Scalar::is_finite(f64::NEG_INFINITY));
     }
 
     #[test]

@@ -5,6 +5,7 @@ mod curve;
 mod dbi;
 mod demo;
 mod diagnose;
+mod experiment;
 mod explain;
 mod identify;
 mod input;
@@ -12,6 +13,7 @@ mod method;
 mod output;
 mod simulate;
 mod terminal;
+mod tune;
 mod windows;
 
 use clap::{Parser, Subcommand};
@@ -43,6 +45,8 @@ enum Verb {
     Dbi(dbi::Command),
     Simulate(simulate::Command),
     Explain(explain::Command),
+    Tune(tune::Command),
+    Experiment(experiment::Command),
 }
 
 /// Runs the command line of this process and returns its exit status.
@@ -56,6 +60,8 @@ pub fn run() -> u8 {
         Verb::Dbi(command) => command.run(),
         Verb::Simulate(command) => command.run(),
         Verb::Explain(command) => command.run(),
+        Verb::Tune(command) => command.run(),
+        Verb::Experiment(command) => command.run(),
     })
     .unwrap_or_else(|_| Err(Error::Internal("the program stopped at a panic".to_owned())));
     outcome.unwrap_or_else(|error| {

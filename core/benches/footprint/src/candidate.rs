@@ -66,6 +66,19 @@ impl Scalar for Number {
     fn to_f64(self) -> f64 {
         self.0.to_num()
     }
+    fn from_i32(value: i32) -> Self {
+        Self(I16F16::saturating_from_num(value))
+    }
+    fn floor(self) -> i32 {
+        self.0.to_bits() >> 16
+    }
+    fn half(self) -> Self {
+        Self(I16F16::from_bits(self.0.to_bits() >> 1))
+    }
+    fn wave(phase: u32) -> (Self, Self) {
+        let (sine, cosine) = Q16::wave(phase);
+        (number(sine.to_bits()), number(cosine.to_bits()))
+    }
     fn sqrt(self) -> Self {
         Self(I16F16::from_bits(
             Q16::from_bits(self.0.to_bits()).sqrt().to_bits(),

@@ -1,0 +1,362 @@
+//! One axis under control: everything put together.
+
+use super::backlash::Play;
+use super::compensation::Velocities;
+use super::derived::Derived;
+use super::friction::Law;
+use super::rows::{RowState, Seen};
+use super::{Invalid, Learning, Observer, Parameters, Position};
+use crate::Scalar;
+
+/// What the axis is to do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SetPoint<T> {
+    /// Nothing: `u = 0`. The observer goes on.
+    Off,
+    /// This torque or force on the motor side, N·m or N; nothing is compensated.
+    Torque(T),
+    /// A velocity.
+    Velocity {
+        /// rad/s or m/s.
+        velocity: T,
+        /// Its rate, rad/s² or m/s².
+        acceleration: T,
+    },
+    /// A position.
+    Position {
+        /// In counts.
+        position: Position<T>,
+        /// Its rate, rad/s or m/s.
+        velocity: T,
+        /// Its second rate, rad/s² or m/s².
+        acceleration: T,
+    },
+}
+
+/// What a sample gives.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Output<T> {
+    /// `u`: what the bridge is to apply until the next sample. Within the limits, and zero if not `finite`.
+    pub command: T,
+    /// The torque or force that this makes, N·m or N.
+    pub torque: T,
+    /// Whether a limit cut the command.
+    pub saturated: bool,
+    /// Whether all numbers are. If not, the state is lost: see [`Controller::reset`].
+    pub finite: bool,
+    /// Position error `q_ref − q`, rad or m; zero unless a position is asked for.
+    pub error: T,
+    /// Estimated position.
+    pub position: Position<T>,
+    /// Estimated velocity, rad/s or m/s.
+    pub velocity: T,
+    /// The part of the torque that compensates dry and viscous friction, N·m or N.
+    pub friction: T,
+    /// Coulomb level, adapted or as given, N·m or N.
+    pub coulomb: T,
+    /// Constant torque that resists motion in the positive direction, adapted or as given, N·m or N.
+    pub offset: T,
+}
+
+/// A cascade of position (P) and velocity (PI) with feed-forward of acceleration, friction and further physics, on an
+/// observer of position and velocity, with the Coulomb level adapted.
+///
+/// `v_cmd = v_ref + kp·(q_ref − q̂)`, `τ = J·a_ref + kv·(v_cmd − v̂) + ki·∫(v_cmd − v̂) dt + F̂ + effects`, and
+/// `u = τ/gain + back_emf·v̂` within the limits.
+///
+/// At a standstill asked for (`v_ref = 0`) the integral rests while the position is within a count of the set point:
+/// nothing could be won there, and it would wind up until the axis jumps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Controller<T> {
+    parameters: Parameters<T>,
+    derived: Derived<T>,
+    state: State<T>,
+}
+
+/// What a controller remembers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct State<T> {
+    observer: Observer<T>,
+    /// Integral part of the torque.
+    integral: T,
+    /// Deflection of the observed bristles, rad or m.
+    bristles: T,
+    /// Coulomb level and constant offset, adapted or as given.
+    learned: [T; 2],
+    rows: RowState<T>,
+    play: Play<T>,
+    /// Friction level beyond the Coulomb level at the last sample.
+    excess: T,
+    /// What but dry friction acts from the last sample on, N·m or N.
+    drive: T,
+}
+
+impl<T: Scalar> State<T> {
+    fn at_rest(counts: i32, parameters: &Parameters<T>, derived: &Derived<T>) -> Self {
+        Self {
+            observer: Observer::at_rest(counts),
+            integral: T::ZERO,
+            bristles: T::ZERO,
+            learned: [parameters.friction.coulomb, parameters.effects.offset],
+            rows: RowState::new(&derived.rows),
+            play: Play {
+                at: T::ZERO,
+                ahead: T::ZERO,
+            },
+            excess: T::ZERO,
+            drive: T::ZERO,
+        }
+    }
+}
+
+/// What the position loop makes of a set point.
+struct Wanted<T> {
+    error: T,
+    velocity: T,
+    command: T,
+    acceleration: T,
+    /// Whether the integral is to rest.
+    rest: bool,
+}
+
+impl<T: Scalar> Controller<T> {
+    /// A controller of an axis that is at rest where the encoder shows `counts`.
+    pub fn new(parameters: Parameters<T>, counts: i32) -> Result<Self, Invalid> {
+        parameters.check()?;
+        let derived = Derived::new(&parameters);
+        Ok(Self {
+            state: State::at_rest(counts, &parameters, &derived),
+            derived,
+            parameters,
+        })
+    }
+
+    /// The parameters in force.
+    pub fn parameters(&self) -> &Parameters<T> {
+        &self.parameters
+    }
+
+    /// Puts other parameters in force at the next sample, of an axis that may be moving. What is learned starts anew from
+    /// them. If they are not valid, the old ones stay.
+    pub fn set_parameters(&mut self, parameters: Parameters<T>) -> Result<(), Invalid> {
+        parameters.check()?;
+        self.derived = Derived::new(&parameters);
+        self.state.learned = [parameters.friction.coulomb, parameters.effects.offset];
+        self.state.rows = RowState::new(&self.derived.rows);
+        self.parameters = parameters;
+        Ok(())
+    }
+
+    /// Forgets everything: the axis is at rest where the encoder shows `counts`.
+    pub fn reset(&mut self, counts: i32) {
+        self.state = State::at_rest(counts, &self.parameters, &self.derived);
+    }
+
+    /// One sample: the encoder shows `counts`; gives the command from now until the next sample.
+    pub fn step(&mut self, counts: i32, set_point: SetPoint<T>) -> Output<T> {
+        let moved = self.observe(counts);
+        let (position, velocity) = (self.state.observer.position, self.state.observer.velocity);
+        let (holding, wave) = self.placed(position, velocity);
+        let (mut friction, mut error) = (T::ZERO, T::ZERO);
+        let torque = match set_point {
+            SetPoint::Off => T::ZERO,
+            SetPoint::Torque(torque) => torque,
+            _ => {
+                let wanted = self.wanted(set_point, moved);
+                error = wanted.error;
+                friction = self.friction(&wanted, wave);
+                let p = &self.parameters;
+                let inertia =
+                    p.effects
+                        .backlash
+                        .carried(p.inertia, wanted.acceleration, &self.state.play);
+                let ahead = inertia * wanted.acceleration + friction + holding;
+                self.feed_back(&wanted, ahead, moved)
+            }
+        };
+        let off = set_point == SetPoint::Off;
+        let (command, torque, saturated) = self.limited(torque, velocity, off);
+        let finite = self.remember(torque, holding, wave);
+        Output {
+            command: if finite { command } else { T::ZERO },
+            torque,
+            saturated,
+            finite,
+            error,
+            position,
+            velocity,
+            friction,
+            coulomb: self.state.learned[0],
+            offset: self.state.learned[1],
+        }
+    }
+
+    /// Takes the encoder's counts in and learns from them; by how many counts the position has moved.
+    fn observe(&mut self, counts: i32) -> T {
+        let Self {
+            parameters,
+            derived,
+            state,
+        } = self;
+        let before = state.observer.velocity;
+        let push = state.drive * derived.kick;
+        let level = state.learned[0] + state.excess;
+        let moved = state
+            .observer
+            .sample(&derived.observer, counts, push, level * derived.kick);
+        let after = state.observer.velocity;
+        // What is known of friction beyond the Coulomb level belongs to what acts.
+        let known = state.drive - before.sign() * state.excess;
+        let adaptation = &parameters.adaptation;
+        let last = state.learned;
+        match adaptation.method {
+            Learning::Off => {}
+            Learning::Observer => {
+                let push = known * derived.kick;
+                state.learned[0] =
+                    adaptation.observed(&derived.rates, last[0], before, after, push);
+            }
+            Learning::Rows => {
+                // An offset in force is among what is known, and is to be learned anew.
+                let torque = known + last[1];
+                let seen = Seen { counts, torque };
+                derived
+                    .rows
+                    .sample(&mut state.rows, seen, &mut state.learned);
+                state.learned = adaptation.bounded(state.learned, last);
+            }
+        }
+        moved
+    }
+
+    /// What resists at a position, whatever the direction, and what the Coulomb level has there beyond its mean.
+    fn placed(&self, position: Position<T>, velocity: T) -> (T, T) {
+        let effects = &self.parameters.effects;
+        let even = self.state.learned[1] + effects.viscous_difference * velocity.abs();
+        if !self.derived.placed {
+            return (even, T::ZERO);
+        }
+        let holding = effects.holding(position, self.parameters.count);
+        (even + holding, effects.friction.at(position))
+    }
+
+    /// The torque that compensates friction.
+    fn friction(&mut self, wanted: &Wanted<T>, wave: T) -> T {
+        let (p, state) = (&self.parameters, &mut self.state);
+        let law = Law {
+            friction: &p.friction,
+            coulomb: state.learned[0] + wave,
+            per_stribeck: self.derived.per_stribeck,
+        };
+        let at = Velocities {
+            desired: wanted.velocity,
+            measured: state.observer.velocity,
+            command: wanted.command,
+            crossed: (wanted.velocity * self.derived.per_crossing).clamp_symmetric(T::ONE),
+        };
+        p.compensation
+            .torque(&law, at, &mut state.bristles, p.period)
+    }
+
+    /// Keeps what acts until the next sample; whether all of it is finite.
+    fn remember(&mut self, torque: T, holding: T, wave: T) -> bool {
+        let (p, state) = (&self.parameters, &mut self.state);
+        let velocity = state.observer.velocity;
+        let law = Law {
+            friction: &p.friction,
+            coulomb: T::ZERO,
+            per_stribeck: self.derived.per_stribeck,
+        };
+        state.drive = torque - holding - p.friction.viscous * velocity;
+        state.excess = wave + law.excess(velocity);
+        (state.drive + state.integral + state.bristles).is_finite()
+    }
+
+    /// The position loop, after the axis has moved by `moved` counts.
+    fn wanted(&mut self, set_point: SetPoint<T>, moved: T) -> Wanted<T> {
+        let p = &self.parameters;
+        match set_point {
+            SetPoint::Position {
+                position,
+                velocity,
+                acceleration,
+            } => {
+                let backlash = &p.effects.backlash;
+                let (mut ahead, mut extra) = (T::ZERO, T::ZERO);
+                if backlash.gap != T::ZERO {
+                    let play = &mut self.state.play;
+                    let step = backlash.follow(play, moved, velocity, self.derived.flank_step);
+                    (ahead, extra) = (play.ahead, step * self.derived.per_count);
+                }
+                let counts = position.minus(self.state.observer.position) + ahead;
+                let error = counts * p.count;
+                Wanted {
+                    error,
+                    velocity,
+                    command: velocity + extra + p.position_gain * error,
+                    acceleration,
+                    rest: velocity == T::ZERO && counts.abs() <= T::ONE,
+                }
+            }
+            SetPoint::Velocity {
+                velocity,
+                acceleration,
+            } => Wanted {
+                error: T::ZERO,
+                velocity,
+                command: velocity,
+                acceleration,
+                rest: false,
+            },
+            SetPoint::Off | SetPoint::Torque(_) => Wanted {
+                error: T::ZERO,
+                velocity: T::ZERO,
+                command: T::ZERO,
+                acceleration: T::ZERO,
+                rest: true,
+            },
+        }
+    }
+
+    /// The velocity loop on top of what is fed forward; brings the integral forward.
+    ///
+    /// The integral takes the velocity that the encoder shows, and not the observer's: where the model of friction is
+    /// wrong the latter is off by a constant, and so would be the position that the integral comes to rest at.
+    fn feed_back(&mut self, wanted: &Wanted<T>, ahead: T, moved: T) -> T {
+        let Derived {
+            velocity,
+            most,
+            per_count,
+            ..
+        } = &self.derived;
+        let error = wanted.command - self.state.observer.velocity;
+        let torque = ahead + velocity.output(self.state.integral, error, T::ZERO);
+        if !wanted.rest {
+            let excess = torque - torque.clamp_symmetric(*most);
+            let slow = wanted.command - moved * *per_count;
+            let period = self.parameters.period;
+            let integral = &mut self.state.integral;
+            *integral = velocity.integrated(*integral, slow, period, excess, *most);
+        }
+        torque
+    }
+
+    /// Command, torque and whether a limit cut them, for a torque asked for.
+    fn limited(&self, torque: T, velocity: T, off: bool) -> (T, T, bool) {
+        let p = &self.parameters;
+        let counter = p.back_emf * velocity;
+        if off {
+            return (T::ZERO, -(p.gain * counter), false);
+        }
+        let allowed = torque.clamp_symmetric(p.torque_limit);
+        let wanted = allowed * self.derived.per_torque + counter;
+        let command = wanted.clamp_symmetric(p.command_limit);
+        let saturated = allowed != torque || command != wanted;
+        let made = if command == wanted {
+            allowed
+        } else {
+            p.gain * (command - counter)
+        };
+        (command, made, saturated)
+    }
+}

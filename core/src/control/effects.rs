@@ -1,0 +1,149 @@
+//! Torques that depend on where the axis is and which way it goes.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Backlash, Position};
+use crate::Scalar;
+
+/// A wave over position: `sine·sin φ + cosine·cos φ` with `φ = 2π·periods·q`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Harmonic<T> {
+    /// Periods per count, times 2³², to nearest: the phase of a position wraps as the counts do. For an encoder whose
+    /// counts per turn are a power of two it is exact, else it errs by 2⁻³³ turns of phase a count.
+    pub cycle: u32,
+    /// N·m or N.
+    pub sine: T,
+    /// N·m or N.
+    pub cosine: T,
+}
+
+impl<T: Scalar> Harmonic<T> {
+    /// No wave.
+    pub const NONE: Self = Self {
+        cycle: 0,
+        sine: T::ZERO,
+        cosine: T::ZERO,
+    };
+
+    /// The value at a position.
+    pub fn at(&self, position: Position<T>) -> T {
+        if self.sine == T::ZERO && self.cosine == T::ZERO {
+            return T::ZERO;
+        }
+        // The part of a count counts by 256ths.
+        let part = (position.fraction * T::from_i32(256)).floor() as u32;
+        let whole = (position.counts as u32).wrapping_mul(self.cycle);
+        let (sine, cosine) = T::wave(whole.wrapping_add(part.wrapping_mul(self.cycle >> 8)));
+        self.sine * sine + self.cosine * cosine
+    }
+}
+
+/// Physics beside dry and viscous friction that a diagnosis may find; all of it zero for none.
+///
+/// Signs as everywhere: what resists motion in the positive direction is positive.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Effects<T> {
+    /// `direction-asymmetry`: a constant, N·m or N.
+    pub offset: T,
+    /// `viscous-asymmetry`: a torque per speed, whichever way the axis goes; N·m·s/rad or N·s/m.
+    pub viscous_difference: T,
+    /// `spring`: torque per displacement from zero, N·m/rad or N/m.
+    pub stiffness: T,
+    /// `gravity` and `cogging`.
+    pub waves: [Harmonic<T>; WAVES],
+    /// `position-dependent-friction`: what the Coulomb level has at a position beyond its mean.
+    pub friction: Harmonic<T>,
+    /// `backlash`.
+    pub backlash: Backlash<T>,
+}
+
+/// Waves over position that a controller can carry.
+pub const WAVES: usize = 4;
+
+impl<T: Scalar> Effects<T> {
+    /// None of them.
+    pub const NONE: Self = Self {
+        offset: T::ZERO,
+        viscous_difference: T::ZERO,
+        stiffness: T::ZERO,
+        waves: [Harmonic::NONE; WAVES],
+        friction: Harmonic::NONE,
+        backlash: Backlash::NONE,
+    };
+
+    /// Whether every number is finite, and the backlash one of an axis with this inertia.
+    pub fn is_valid(&self, inertia: T) -> bool {
+        let own = [self.offset, self.viscous_difference, self.stiffness];
+        let waves = self.waves.iter().chain([&self.friction]);
+        own.into_iter().all(Scalar::is_finite)
+            && waves
+                .flat_map(|w| [w.sine, w.cosine])
+                .all(Scalar::is_finite)
+            && self.backlash.is_valid(inertia)
+    }
+
+    /// Whether any torque here depends on the position.
+    pub fn depends_on_position(&self) -> bool {
+        let waves = self.waves.iter().chain([&self.friction]);
+        let waving = |w: &Harmonic<T>| w.sine != T::ZERO || w.cosine != T::ZERO;
+        self.stiffness != T::ZERO || waves.into_iter().any(waving)
+    }
+
+    /// What waves and a spring resist at a position, whatever the motion, N·m or N; `count` is rad or m to a count.
+    pub fn holding(&self, position: Position<T>, count: T) -> T {
+        let waves = self.waves.iter().map(|wave| wave.at(position));
+        let mut sum = waves.fold(T::ZERO, |sum, wave| sum + wave);
+        if self.stiffness != T::ZERO {
+            sum += self.stiffness * (position.minus(Position::at(0)) * count);
+        }
+        sum
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Effects, Harmonic};
+    use crate::control::Position;
+    use crate::scalar::{Q16, Scalar};
+
+    fn cogging<T: Scalar>() -> Effects<T> {
+        let mut effects = Effects::NONE;
+        effects.stiffness = T::from_f64(0.125);
+        // 24 periods a turn of 4096 counts.
+        effects.waves[2] = Harmonic {
+            cycle: 24 << 20,
+            sine: T::from_f64(0.3),
+            cosine: T::from_f64(-0.4),
+        };
+        effects
+    }
+
+    fn worst<T: Scalar>() -> f64 {
+        let effects = cogging::<T>();
+        let errors = (-3000..3000).map(|k| {
+            let counts = f64::from(k) * 3.37;
+            let found = effects.holding(Position::from_f64(counts), T::from_f64(0.01));
+            let phase = counts * 24.0 / 4096.0 * core::f64::consts::TAU;
+            let wave = 0.3 * libm::sin(phase) - 0.4 * libm::cos(phase);
+            (found.to_f64() - (0.125 * 0.01 * counts + wave)).abs()
+        });
+        errors.fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn waves_and_springs_are_what_their_equations_say() {
+        // Cutting the part of a count to 256ths costs 0.5·24/4096·2π/256; the spring has 10 000 counts of rounding.
+        let cut = 0.5 * 24.0 / 4096.0 * core::f64::consts::TAU / 256.0;
+        assert!(worst::<f64>() < cut + 1e-9);
+        assert!(worst::<f32>() < cut + 1e-5);
+        assert!(worst::<Q16>() < cut + 0.125 * 10_200.0 * 2f64.powi(-17) + 1e-3);
+    }
+
+    #[test]
+    fn numbers_that_are_none_are_refused() {
+        let mut effects = cogging::<f32>();
+        assert!(effects.is_valid(1.0));
+        effects.friction.cosine = f32::NAN;
+        assert!(!effects.is_valid(1.0));
+    }
+}
