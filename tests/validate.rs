@@ -1,20 +1,21 @@
 //! Validation on freshly seeded plants: false alarms on clean axes and the confusion matrix of the effects.
 //!
 //! `cargo run --release --example validate -- --seed 1 --clean 200 --each 12` prints the rates; with `--velocity 1` the
-//! recordings hold differenced velocity in place of position. The plants of
-//! `tests/plants` share no code with the diagnosis: other formulation, other integrator, finer step.
+//! recordings hold differenced velocity in place of position, and `--dump FOLDER` keeps each plant's recording and baseline
+//! to look at. The plants of `tests/plants` share no code with the diagnosis: other formulation, other integrator, finer step.
 
 mod plants;
 
 use std::collections::BTreeMap;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::path::Path;
 
 use bristle::diagnose::{Verdict, diagnose};
 use bristle::identify::{Options, identify};
 use bristle::model::Model;
 use bristle::recording::Recording;
-use plants::{NAMED, Noise, OTHERS, Recipe, baseline_toml, simulate};
+use rayon::prelude::*;
+
+use plants::{NAMED, Noise, OTHERS, Recipe, baseline_toml, simulate, write_csv};
 
 /// One plant and what became of it.
 struct Trial {
@@ -62,7 +63,8 @@ fn main() {
         recipe.rate = option("rate").unwrap_or(recipe.rate);
     }
     println!("{} plants", recipes.len());
-    let trials = run(&recipes, options.contains_key("velocity"));
+    let velocity = options.contains_key("velocity");
+    let trials = run(&recipes, velocity, options.get("dump").map(Path::new));
     if options.contains_key("verbose") {
         trials.iter().for_each(|t| println!("{}", t.line));
     }
@@ -106,33 +108,26 @@ fn recipes(
     recipes
 }
 
-fn run(recipes: &[Recipe], velocity_only: bool) -> Vec<Trial> {
-    let next = AtomicUsize::new(0);
-    let trials = Mutex::new(Vec::new());
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    std::thread::scope(|scope| {
-        for _ in 0..threads {
-            scope.spawn(|| {
-                while let Some(recipe) = recipes.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    let trial = attempt(recipe, velocity_only);
-                    if let Ok(mut trials) = trials.lock() {
-                        trials.extend(trial);
-                    }
-                }
-            });
-        }
-    });
-    trials.into_inner().unwrap_or_default()
+fn run(recipes: &[Recipe], velocity_only: bool, dump: Option<&Path>) -> Vec<Trial> {
+    let attempts = recipes.par_iter();
+    attempts
+        .filter_map(|recipe| attempt(recipe, velocity_only, dump))
+        .collect()
 }
 
 /// Diagnoses one plant; `None` if the simulator could not give it sane motion and the size asked for.
-fn attempt(recipe: &Recipe, velocity_only: bool) -> Option<Trial> {
+fn attempt(recipe: &Recipe, velocity_only: bool, dump: Option<&Path>) -> Option<Trial> {
     let made = simulate(recipe)?;
     if !made.truth.met || made.truth.top_speed < 1e-3 {
         return None;
     }
-    let model =
-        Model::parse(&baseline_toml(recipe, &made.truth)).expect("the baseline is a valid model");
+    let baseline = baseline_toml(recipe, &made.truth);
+    if let Some(folder) = dump {
+        let file = |ending: &str| folder.join(format!("{}.{ending}", recipe.seed));
+        write_csv(&made, file("csv")).expect("writes into the folder of --dump");
+        std::fs::write(file("toml"), &baseline).expect("writes into the folder of --dump");
+    }
+    let model = Model::parse(&baseline).expect("the baseline is a valid model");
     let (q, v) = if velocity_only {
         (None, Some(differenced(&made.t, &made.q)))
     } else {

@@ -63,7 +63,7 @@ pub fn diagnose(
         (selected, after)
     };
     let departure = confirm::departure(bench, &after);
-    let departs = departure > DEPARTS && select::counts(bench, &after);
+    let departs = selected.is_empty() && departure > DEPARTS && select::counts(bench, &after);
     progress("how certain it is");
     // What windows of the usual width do not show is told by those that do.
     let fine = fine.filter(|_| !selected.is_empty());

@@ -9,6 +9,7 @@ use crate::error::Result;
 use crate::fit;
 use crate::identify::Workbench;
 use crate::model::Model;
+use crate::problem::Direction;
 use crate::recording::Recording;
 use crate::scan;
 use crate::system;
@@ -283,6 +284,9 @@ pub(super) fn leftover(bench: &Workbench, model: &Model) -> Result<Leftover> {
         })
         .collect();
     groups.push(("time, periodically", base.spectral_line()));
+    let friction = bench.problem.coulomb(&Direction::default());
+    groups.push(("time, as friction in spells", base.spells(&friction)));
+    groups.push(("time, in spells", base.spells(&vec![1.0; friction.len()])));
     let mut gains: Vec<(&'static str, Gain)> = groups
         .iter()
         .map(|(name, c)| (*name, base.generic_gain(c)))

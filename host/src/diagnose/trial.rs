@@ -7,6 +7,7 @@ use crate::identify::Workbench;
 use crate::linear::Score;
 use crate::model::Model;
 use crate::scan::{self, Ground};
+use crate::system;
 
 /// The best that an effect can do on top of a model.
 #[derive(Clone)]
@@ -35,6 +36,7 @@ impl Trial {
 /// A model with numbers, its whitened system and its score: what candidates are compared with.
 pub(super) struct Base<'a> {
     bench: &'a Workbench,
+    model: &'a Model,
     ground: Ground<'a>,
 }
 
@@ -67,7 +69,11 @@ impl Gain {
 impl<'a> Base<'a> {
     pub fn new(bench: &'a Workbench, model: &'a Model) -> Result<Option<Self>> {
         let ground = bench.ground(model)?;
-        Ok(ground.map(|ground| Self { bench, ground }))
+        Ok(ground.map(|ground| Self {
+            bench,
+            model,
+            ground,
+        }))
     }
 
     /// The score of the model.
@@ -116,6 +122,35 @@ impl<'a> Base<'a> {
         .map_or(Gain::default(), |s| Gain::of(&self.ground.score, &s))
     }
 
+    /// What the rows shortly before and after say of each row, if a torque times `carrier` comes and goes in spells: the
+    /// carrier times the mean of the residual along it, as a column. Rows whose windows overlap are left out of the mean,
+    /// so that it has no noise in common with the row.
+    pub fn spells(&self, carrier: &[f64]) -> Vec<Vec<f64>> {
+        let problem = &self.bench.problem;
+        let residual = system::residual(problem, self.model);
+        let widths: Vec<f64> = problem.half_widths().collect();
+        let count = problem.rows.len();
+        let near = |k: usize, j: usize| {
+            let (row, other) = (problem.rows[k], problem.rows[j]);
+            let gap = APART * widths[row.track];
+            let apart = (problem.time(row) - problem.time(other)).abs();
+            (row.track == other.track && row.part == other.part && apart <= gap + SPELL)
+                .then_some(apart > gap)
+        };
+        let mean = |k: usize| {
+            let forwards = (k + 1..count).map_while(|j| Some((j, near(k, j)?)));
+            let backwards = (0..k).rev().map_while(|j| Some((j, near(k, j)?)));
+            let (mut along, mut energy) = (0.0, 0.0);
+            for (j, _) in forwards.chain(backwards).filter(|(_, counts)| *counts) {
+                along += carrier[j] * residual[j];
+                energy += carrier[j] * carrier[j];
+            }
+            if energy > 0.0 { along / energy } else { 0.0 }
+        };
+        let column: Vec<f64> = (0..count).map(|k| carrier[k] * mean(k)).collect();
+        vec![self.bench.noise.whiten(&column)]
+    }
+
     /// The strongest line in the spectrum of the residual over time, as two columns.
     pub fn spectral_line(&self) -> Vec<Vec<f64>> {
         let ground = &self.ground;
@@ -124,6 +159,11 @@ impl<'a> Base<'a> {
     }
 }
 
+/// Span on either side from which the residual of a row is told, s: shorter spells are noise, longer ones are seen in it.
+const SPELL: f64 = 0.5;
+/// Half-widths of windows from which on two rows have no noise in common: the windows themselves reach over two of them,
+/// coloured torque noise a little further.
+const APART: f64 = 3.0;
 /// Periods within the recording from which on a line is one: the functions of time describe slower ones.
 const SLOWEST_LINE: usize = 2;
 /// Relative ridge on the generic columns: neighbouring hats nearly add up to columns of the model.
