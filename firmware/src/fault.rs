@@ -17,10 +17,12 @@ pub const HARD_FAULT_STATUS: i32 = 102;
 /// The emulator's exit status after an interrupt or exception that nobody handles.
 pub const UNHANDLED_STATUS: i32 = 103;
 
-fn stop(status: i32) -> ! {
+/// Ends everything: bridge off, then the emulation with this status, or sleep until a reset.
+pub fn stop(status: i32) -> ! {
+    cortex_m::interrupt::disable();
     board::enter_safe_state();
     // Semihosting is a breakpoint instruction: on a chip without a debugger it would fault again.
-    if board::is_emulated() {
+    if board::emulated::is_emulated() {
         semihosting::process::exit(status);
     }
     loop {
