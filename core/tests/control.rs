@@ -3,7 +3,7 @@
 mod servo;
 
 use bristle_core::Scalar;
-use bristle_core::control::{Controller, Method, Output, Parameters, Position, SetPoint};
+use bristle_core::control::{Controller, Learning, Method, Output, Parameters, Position, SetPoint};
 use bristle_core::friction::Units;
 use bristle_core::scalar::Q16;
 use servo::{Axis, COUNT, PERIOD, TRUTH, Truth, parameters};
@@ -102,29 +102,45 @@ fn compensation_takes_most_of_the_error_away() {
     assert!(compensated < 0.2 * plain, "{compensated} {plain}");
 }
 
-#[test]
-fn the_level_is_learned_within_two_seconds_from_anywhere() {
+/// The level learned at 2 s, before a change from 0.2 to 0.3 N·m at 10 s, and two seconds after it.
+fn levels<T: Scalar>(method: Learning, start: f64, units: &Units) -> [f64; 3] {
     let changed = |t: f64| Truth {
         coulomb: if t < 10.0 { 0.2 } else { 0.3 },
         static_level: if t < 10.0 { 0.2 } else { 0.3 },
         ..TRUTH
     };
     let mut learning = parameters(&TRUTH, 120.0);
-    learning.adaptation.rate = 10.0;
-    for start in [0.02, 0.2, 0.4] {
-        learning.friction.coulomb = start;
-        learning.friction.static_level = start;
-        let run = run::<f64>(changed, &learning, &SI, 20.0, sine);
-        let level = |t: f64| run[(t / PERIOD) as usize].1.coulomb;
-        assert!((level(2.0) - 0.2).abs() < 0.02, "{}", level(2.0));
-        assert!((level(12.0) - 0.3).abs() < 0.03, "{}", level(12.0));
+    learning.adaptation.method = method;
+    learning.friction.coulomb = start;
+    learning.friction.static_level = start;
+    let run = run::<T>(changed, &learning, units, 20.0, sine);
+    [2.0, 9.9, 12.0].map(|t| run[(t / PERIOD) as usize].1.coulomb.to_f64() * units.force)
+}
+
+#[test]
+fn the_level_is_learned_within_two_seconds_from_anywhere() {
+    for method in [Learning::Observer, Learning::Rows] {
+        for start in [0.02, 0.2, 0.4] {
+            for levels in [
+                levels::<f64>(method, start, &SI),
+                levels::<f32>(method, start, &SI),
+                levels::<Q16>(method, start, &SCALED),
+            ] {
+                for (level, truth) in levels.into_iter().zip([0.2, 0.2, 0.3]) {
+                    assert!(
+                        (level - truth).abs() < 0.1 * truth,
+                        "{method:?} from {start}: {levels:?}"
+                    );
+                }
+            }
+        }
     }
 }
 
 #[test]
 fn single_precision_and_fixed_point_control_as_well_as_double() {
     let mut with = parameters(&TRUTH, 120.0);
-    with.adaptation.rate = 10.0;
+    with.adaptation.method = Learning::Observer;
     let double = rms(&run::<f64>(|_| TRUTH, &with, &SI, 10.0, sine), 1.0, sine);
     let single = rms(&run::<f32>(|_| TRUTH, &with, &SI, 10.0, sine), 1.0, sine);
     let fixed = rms(
@@ -169,7 +185,7 @@ fn no_parameter_error_up_to_30_percent_makes_a_limit_cycle() {
     for error in [0.7, 0.85, 1.0, 1.15, 1.3] {
         for inertia in [0.7, 1.0, 1.3] {
             for stribeck in [1.0, 1.15, 1.3] {
-                for rate in [0.0, 10.0] {
+                for method in [Learning::Off, Learning::Observer, Learning::Rows] {
                     let truth = Truth {
                         coulomb: TRUTH.coulomb * error,
                         static_level: TRUTH.coulomb * error * stribeck,
@@ -177,7 +193,7 @@ fn no_parameter_error_up_to_30_percent_makes_a_limit_cycle() {
                         ..TRUTH
                     };
                     let mut with = parameters(&TRUTH, 120.0);
-                    with.adaptation.rate = rate;
+                    with.adaptation.method = method;
                     let run = run::<f32>(|_| truth, &with, &SI, 5.0, settle);
                     let (off, travel) = standstill(&run);
                     worst = (worst.0.max(off), worst.1.max(travel));

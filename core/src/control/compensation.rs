@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::friction::{Bristles, Friction};
+use super::friction::Law;
 use crate::Scalar;
 use crate::friction::Dynamic;
 
@@ -67,6 +67,8 @@ pub(super) struct Velocities<T> {
     pub desired: T,
     pub measured: T,
     pub command: T,
+    /// The part of the way that the set point has crossed from one sign to the other, −1 to 1.
+    pub crossed: T,
 }
 
 impl<T: Scalar> Compensation<T> {
@@ -87,16 +89,8 @@ impl<T: Scalar> Compensation<T> {
         in_range && slope && crossing && stable
     }
 
-    /// The torque, at the Coulomb level `coulomb` of the moment and with the deflection `bristles`, which is brought
-    /// forward by `period` seconds.
-    pub(super) fn torque(
-        &self,
-        friction: &Friction<T>,
-        coulomb: T,
-        at: Velocities<T>,
-        bristles: &mut T,
-        period: T,
-    ) -> T {
+    /// The torque, with the deflection `bristles`, which is brought forward by `period` seconds.
+    pub(super) fn torque(&self, law: &Law<T>, at: Velocities<T>, bristles: &mut T, period: T) -> T {
         let velocity = match self.driver {
             Driver::Desired => at.desired,
             Driver::Measured => at.measured,
@@ -105,30 +99,24 @@ impl<T: Scalar> Compensation<T> {
         let full = match self.method {
             Method::Off => return T::ZERO,
             Method::Static => {
-                let level = coulomb + friction.excess(velocity);
+                let level = law.level(velocity);
                 // The viscous part of a command would be one more velocity gain.
                 let (line, sliding) = match self.driver {
-                    Driver::Desired => (self.ahead(level, at.desired), at.desired),
+                    Driver::Desired => (level * at.crossed, at.desired),
                     Driver::Measured => (self.slope * velocity, velocity),
                     Driver::Command => {
                         let correction = self.slope * (at.command - at.desired);
-                        (self.ahead(level, at.desired) + correction, at.desired)
+                        (level * at.crossed + correction, at.desired)
                     }
                 };
-                line.clamp_symmetric(level) + friction.viscous * sliding
+                line.clamp_symmetric(level) + law.viscosity() * sliding
             }
             Method::Bristles => {
-                let law = Bristles { friction, coulomb };
                 let step = law.step(*bristles, velocity, period);
                 *bristles = step.deflection;
                 step.force
             }
         };
         self.share * full
-    }
-
-    /// What is fed forward of a level.
-    fn ahead(&self, level: T, desired: T) -> T {
-        level * (desired / self.crossing).clamp_symmetric(T::ONE)
     }
 }

@@ -2,8 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::backlash::Play;
 use super::compensation::Velocities;
-use super::{CoulombGains, Invalid, Observer, ObserverGains, Parameters, Pid, Position};
+use super::derived::Derived;
+use super::friction::Law;
+use super::rows::{RowState, Seen};
+use super::{Invalid, Learning, Observer, Parameters, Position};
 use crate::Scalar;
 
 /// What the axis is to do.
@@ -54,6 +58,8 @@ pub struct Output<T> {
     pub friction: T,
     /// Coulomb level, adapted or as given, N·m or N.
     pub coulomb: T,
+    /// Constant torque that resists motion in the positive direction, adapted or as given, N·m or N.
+    pub offset: T,
 }
 
 /// A cascade of position (P) and velocity (PI) with feed-forward of acceleration, friction and further physics, on an
@@ -71,23 +77,6 @@ pub struct Controller<T> {
     state: State<T>,
 }
 
-/// What follows from parameters, computed once.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Derived<T> {
-    observer: ObserverGains<T>,
-    velocity: Pid<T>,
-    /// Velocity that a torque of 1 gives in a sample.
-    kick: T,
-    /// Velocity of a count a sample.
-    per_count: T,
-    /// `u` per torque.
-    per_torque: T,
-    /// Largest torque at standstill.
-    most: T,
-    /// Share of its error that the Coulomb level loses in a sample.
-    learning: T,
-}
-
 /// What a controller remembers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct State<T> {
@@ -96,7 +85,10 @@ struct State<T> {
     integral: T,
     /// Deflection of the observed bristles, rad or m.
     bristles: T,
-    coulomb: T,
+    /// Coulomb level and constant offset, adapted or as given.
+    learned: [T; 2],
+    rows: RowState<T>,
+    play: Play<T>,
     /// Friction level beyond the Coulomb level at the last sample.
     excess: T,
     /// What but dry friction acts from the last sample on, N·m or N.
@@ -104,37 +96,19 @@ struct State<T> {
 }
 
 impl<T: Scalar> State<T> {
-    fn at_rest(counts: i32, coulomb: T) -> Self {
+    fn at_rest(counts: i32, parameters: &Parameters<T>, derived: &Derived<T>) -> Self {
         Self {
             observer: Observer::at_rest(counts),
             integral: T::ZERO,
             bristles: T::ZERO,
-            coulomb,
+            learned: [parameters.friction.coulomb, parameters.effects.offset],
+            rows: RowState::new(&derived.rows),
+            play: Play {
+                at: T::ZERO,
+                ahead: T::ZERO,
+            },
             excess: T::ZERO,
             drive: T::ZERO,
-        }
-    }
-}
-
-impl<T: Scalar> Derived<T> {
-    fn new(p: &Parameters<T>) -> Self {
-        let most = (p.gain * p.command_limit).abs();
-        Self {
-            observer: ObserverGains::new(p.observer_bandwidth, p.period, p.count),
-            velocity: Pid {
-                proportional: p.velocity_gain,
-                integral: p.velocity_integral,
-                derivative: T::ZERO,
-            },
-            per_count: p.count / p.period,
-            kick: p.period / p.inertia,
-            per_torque: T::ONE / p.gain,
-            most: if most < p.torque_limit {
-                most
-            } else {
-                p.torque_limit
-            },
-            learning: p.adaptation.rate * p.period,
         }
     }
 }
@@ -153,9 +127,10 @@ impl<T: Scalar> Controller<T> {
     /// A controller of an axis that is at rest where the encoder shows `counts`.
     pub fn new(parameters: Parameters<T>, counts: i32) -> Result<Self, Invalid> {
         parameters.check()?;
+        let derived = Derived::new(&parameters);
         Ok(Self {
-            derived: Derived::new(&parameters),
-            state: State::at_rest(counts, parameters.friction.coulomb),
+            state: State::at_rest(counts, &parameters, &derived),
+            derived,
             parameters,
         })
     }
@@ -165,51 +140,42 @@ impl<T: Scalar> Controller<T> {
         &self.parameters
     }
 
-    /// Puts other parameters in force at the next sample, of an axis that may be moving. The Coulomb level starts anew
-    /// from them. If they are not valid, the old ones stay.
+    /// Puts other parameters in force at the next sample, of an axis that may be moving. What is learned starts anew from
+    /// them. If they are not valid, the old ones stay.
     pub fn set_parameters(&mut self, parameters: Parameters<T>) -> Result<(), Invalid> {
         parameters.check()?;
         self.derived = Derived::new(&parameters);
-        self.state.coulomb = parameters.friction.coulomb;
+        self.state.learned = [parameters.friction.coulomb, parameters.effects.offset];
+        self.state.rows = RowState::new(&self.derived.rows);
         self.parameters = parameters;
         Ok(())
     }
 
     /// Forgets everything: the axis is at rest where the encoder shows `counts`.
     pub fn reset(&mut self, counts: i32) {
-        self.state = State::at_rest(counts, self.parameters.friction.coulomb);
+        self.state = State::at_rest(counts, &self.parameters, &self.derived);
     }
 
     /// One sample: the encoder shows `counts`; gives the command from now until the next sample.
     pub fn step(&mut self, counts: i32, set_point: SetPoint<T>) -> Output<T> {
-        let travelled = self.observe(counts);
-        let p = &self.parameters;
+        let moved = self.observe(counts);
         let (position, velocity) = (self.state.observer.position, self.state.observer.velocity);
-        let holding = p.effects.holding(position, p.count);
-        let wave = p.effects.friction.at(position);
-        let difference = p.effects.viscous_difference;
-        let moving = move |v: T| difference * v.abs();
-
+        let (holding, wave) = self.placed(position, velocity);
         let (mut friction, mut error) = (T::ZERO, T::ZERO);
         let torque = match set_point {
             SetPoint::Off | SetPoint::Command(_) => T::ZERO,
             SetPoint::Torque(torque) => torque,
             _ => {
-                let wanted = self.wanted(set_point);
+                let wanted = self.wanted(set_point, moved);
                 error = wanted.error;
-                let at = Velocities {
-                    desired: wanted.velocity,
-                    measured: velocity,
-                    command: wanted.command,
-                };
-                let coulomb = self.state.coulomb + wave;
-                let bristles = &mut self.state.bristles;
-                friction = p
-                    .compensation
-                    .torque(&p.friction, coulomb, at, bristles, p.period);
-                let ahead =
-                    p.inertia * wanted.acceleration + friction + holding + moving(wanted.velocity);
-                self.feed_back(&wanted, ahead, travelled)
+                friction = self.friction(&wanted, wave);
+                let p = &self.parameters;
+                let inertia =
+                    p.effects
+                        .backlash
+                        .carried(p.inertia, wanted.acceleration, &self.state.play);
+                let ahead = inertia * wanted.acceleration + friction + holding;
+                self.feed_back(&wanted, ahead, moved)
             }
         };
         let (command, torque, saturated) = match set_point {
@@ -217,11 +183,7 @@ impl<T: Scalar> Controller<T> {
             SetPoint::Command(command) => self.given(command, velocity),
             _ => self.limited(torque, velocity),
         };
-        let p = &self.parameters;
-        self.state.drive = torque - holding - moving(velocity) - p.friction.viscous * velocity;
-        self.state.excess = wave + p.friction.excess(velocity);
-        let finite =
-            command.is_finite() && self.state.drive.is_finite() && self.state.integral.is_finite();
+        let finite = self.remember(torque, holding, wave);
         Output {
             command: if finite { command } else { T::ZERO },
             torque,
@@ -231,11 +193,12 @@ impl<T: Scalar> Controller<T> {
             position,
             velocity,
             friction,
-            coulomb: self.state.coulomb,
+            coulomb: self.state.learned[0],
+            offset: self.state.learned[1],
         }
     }
 
-    /// Takes the encoder's counts in and learns from them; the mean velocity since the last sample.
+    /// Takes the encoder's counts in and learns from them; by how many counts the position has moved.
     fn observe(&mut self, counts: i32) -> T {
         let Self {
             parameters,
@@ -244,38 +207,104 @@ impl<T: Scalar> Controller<T> {
         } = self;
         let before = state.observer.velocity;
         let push = state.drive * derived.kick;
-        let level = state.coulomb + state.excess;
+        let level = state.learned[0] + state.excess;
         let moved = state
             .observer
             .sample(&derived.observer, counts, push, level * derived.kick);
-        let gains: &CoulombGains<T> = &parameters.adaptation;
-        if gains.rate > T::ZERO {
-            // What is known of friction beyond the Coulomb level belongs to what acts.
-            let known = push - before.sign() * state.excess * derived.kick;
-            let after = state.observer.velocity;
-            state.coulomb = gains.learn(
-                derived.learning,
-                state.coulomb,
-                before,
-                after,
-                known,
-                derived.kick,
-            );
+        let after = state.observer.velocity;
+        // What is known of friction beyond the Coulomb level belongs to what acts.
+        let known = state.drive - before.sign() * state.excess;
+        let adaptation = &parameters.adaptation;
+        let last = state.learned;
+        match adaptation.method {
+            Learning::Off => {}
+            Learning::Observer => {
+                let push = known * derived.kick;
+                state.learned[0] =
+                    adaptation.observed(&derived.rates, last[0], before, after, push);
+            }
+            Learning::Rows => {
+                // An offset in force is among what is known, and is to be learned anew.
+                let torque = known + last[1];
+                let seen = Seen { counts, torque };
+                derived
+                    .rows
+                    .sample(&mut state.rows, seen, &mut state.learned);
+                state.learned = adaptation.bounded(state.learned, last);
+            }
         }
-        moved * derived.per_count
+        moved
     }
 
-    /// The position loop.
-    fn wanted(&self, set_point: SetPoint<T>) -> Wanted<T> {
+    /// What resists at a position, whatever the direction, and what the Coulomb level has there beyond its mean.
+    fn placed(&self, position: Position<T>, velocity: T) -> (T, T) {
+        let effects = &self.parameters.effects;
+        let even = self.state.learned[1] + effects.viscous_difference * velocity.abs();
+        if !self.derived.placed {
+            return (even, T::ZERO);
+        }
+        let holding = effects.holding(position, self.parameters.count);
+        (even + holding, effects.friction.at(position))
+    }
+
+    /// The torque that compensates friction.
+    fn friction(&mut self, wanted: &Wanted<T>, wave: T) -> T {
+        let (p, state) = (&self.parameters, &mut self.state);
+        let law = Law {
+            friction: &p.friction,
+            coulomb: state.learned[0] + wave,
+            per_stribeck: self.derived.per_stribeck,
+        };
+        let at = Velocities {
+            desired: wanted.velocity,
+            measured: state.observer.velocity,
+            command: wanted.command,
+            crossed: (wanted.velocity * self.derived.per_crossing).clamp_symmetric(T::ONE),
+        };
+        p.compensation
+            .torque(&law, at, &mut state.bristles, p.period)
+    }
+
+    /// Keeps what acts until the next sample; whether all of it is finite.
+    fn remember(&mut self, torque: T, holding: T, wave: T) -> bool {
+        let (p, state) = (&self.parameters, &mut self.state);
+        let velocity = state.observer.velocity;
+        let law = Law {
+            friction: &p.friction,
+            coulomb: T::ZERO,
+            per_stribeck: self.derived.per_stribeck,
+        };
+        state.drive = torque - holding - p.friction.viscous * velocity;
+        state.excess = wave + law.excess(velocity);
+        (state.drive + state.integral + state.bristles).is_finite()
+    }
+
+    /// The position loop, after the axis has moved by `moved` counts.
+    fn wanted(&mut self, set_point: SetPoint<T>, moved: T) -> Wanted<T> {
         let p = &self.parameters;
         match set_point {
-            SetPoint::Off | SetPoint::Command(_) | SetPoint::Torque(_) => Wanted {
-                error: T::ZERO,
-                velocity: T::ZERO,
-                command: T::ZERO,
-                acceleration: T::ZERO,
-                rest: true,
-            },
+            SetPoint::Position {
+                position,
+                velocity,
+                acceleration,
+            } => {
+                let backlash = &p.effects.backlash;
+                let (mut ahead, mut extra) = (T::ZERO, T::ZERO);
+                if backlash.gap != T::ZERO {
+                    let play = &mut self.state.play;
+                    let step = backlash.follow(play, moved, velocity, self.derived.flank_step);
+                    (ahead, extra) = (play.ahead, step * self.derived.per_count);
+                }
+                let counts = position.minus(self.state.observer.position) + ahead;
+                let error = counts * p.count;
+                Wanted {
+                    error,
+                    velocity,
+                    command: velocity + extra + p.position_gain * error,
+                    acceleration,
+                    rest: velocity == T::ZERO && counts.abs() <= T::ONE,
+                }
+            }
             SetPoint::Velocity {
                 velocity,
                 acceleration,
@@ -286,21 +315,13 @@ impl<T: Scalar> Controller<T> {
                 acceleration,
                 rest: false,
             },
-            SetPoint::Position {
-                position,
-                velocity,
-                acceleration,
-            } => {
-                let counts = position.minus(self.state.observer.position);
-                let error = counts * p.count;
-                Wanted {
-                    error,
-                    velocity,
-                    command: velocity + p.position_gain * error,
-                    acceleration,
-                    rest: velocity == T::ZERO && counts.abs() <= T::ONE,
-                }
-            }
+            SetPoint::Off | SetPoint::Command(_) | SetPoint::Torque(_) => Wanted {
+                error: T::ZERO,
+                velocity: T::ZERO,
+                command: T::ZERO,
+                acceleration: T::ZERO,
+                rest: true,
+            },
         }
     }
 
@@ -308,16 +329,21 @@ impl<T: Scalar> Controller<T> {
     ///
     /// The integral takes the velocity that the encoder shows, and not the observer's: where the model of friction is
     /// wrong the latter is off by a constant, and so would be the position that the integral comes to rest at.
-    fn feed_back(&mut self, wanted: &Wanted<T>, ahead: T, travelled: T) -> T {
-        let Derived { velocity, most, .. } = &self.derived;
+    fn feed_back(&mut self, wanted: &Wanted<T>, ahead: T, moved: T) -> T {
+        let Derived {
+            velocity,
+            most,
+            per_count,
+            ..
+        } = &self.derived;
         let error = wanted.command - self.state.observer.velocity;
         let torque = ahead + velocity.output(self.state.integral, error, T::ZERO);
         if !wanted.rest {
             let excess = torque - torque.clamp_symmetric(*most);
+            let slow = wanted.command - moved * *per_count;
             let period = self.parameters.period;
-            let slow = wanted.command - travelled;
-            self.state.integral =
-                velocity.integrated(self.state.integral, slow, period, excess, *most);
+            let integral = &mut self.state.integral;
+            *integral = velocity.integrated(*integral, slow, period, excess, *most);
         }
         torque
     }

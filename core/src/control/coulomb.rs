@@ -4,59 +4,110 @@ use serde::{Deserialize, Serialize};
 
 use crate::Scalar;
 
-/// What the nonlinear observer of the Coulomb level may do.
+/// How the Coulomb level is learned.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Learning {
+    /// Not at all.
+    Off,
+    /// By the nonlinear observer of Friedland and Park.
+    Observer,
+    /// By recursive least squares on rows of the weak form, which learns a constant offset besides.
+    Rows,
+}
+
+/// What may be learned while the axis runs, and how fast.
 ///
+/// # The nonlinear observer
 /// Friedland and Park (1992) estimate the level `a` of `J·v̇ = τ − a·sgn v` by `â = ζ − k·J·G(|v|)` with
 /// `ζ̇ = k·g(|v|)·(τ − â·sgn v)·sgn v` and `g = G′`, so that the error obeys `d(a − â)/dt = −k·g(|v|)·(a − â)`: it decays
 /// wherever the axis moves, whatever the motion. They take `G = |v|^μ`. Here `g(w) = min(w/w₀, 1)`: `μ = 2` below the
 /// speed `w₀`, where the sign of `v` is in doubt, and `μ = 1` above, where the rate is `k` and no more.
 ///
-/// # Stability
 /// The step is that of the increment `ζ̇` with the mean slope `ḡ` of `G` between two samples, so that the error decays
 /// by exactly `1 − k·h·ḡ`: never oscillating if `0 < k·h ≤ 1`, as `ḡ ≤ 1`, and diverging only from `k·h = 2`. With a
 /// velocity that comes from an observer with a double pole at `ω`, the three together have the characteristic polynomial
 /// `λ³ + 2ω·λ² + ω²·λ + k·ω²`, which is stable for `0 < k < 2ω` (Routh) and well damped for `k ≤ ω/8`.
 ///
+/// # Rows
+/// A window of test function φ turns `J·v̇ = τ − Fc·s − o`, while the axis slides in the direction `s`, into the row
+/// `∫τφ − J·∫q φ̈ = Fc·s + o`: nothing measured is differentiated. Recursive least squares over such rows, of windows that
+/// overlap by half, keep their covariance `P` between zero and a prior `P₀` to which a share returns after each row. The
+/// gain of a row stays between 0 and 1 then: stable without a condition.
+///
 /// # What keeps it sane
-/// A sample in which the velocity changes its sign, or stands still, teaches nothing and changes nothing. The estimate is
-/// projected on `[lowest, highest]`; being its own memory, it leaves a bound at once when the data say so.
+/// A sample in which the velocity changes its sign or stands still, and a window with one, teach nothing and change
+/// nothing. The estimate is projected on `[lowest, highest]`; being its own memory, it leaves a bound at once when the
+/// data say so.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct CoulombGains<T> {
-    /// `k` ≥ 0, 1/s; zero switches the adaptation off.
-    pub rate: T,
-    /// `w₀` > 0, rad/s or m/s: below this speed learning fades.
+pub struct Adaptation<T> {
+    /// How.
+    pub method: Learning,
+    /// Below this speed > 0 the observer's learning fades (`w₀`), and rows do not count; rad/s or m/s.
     pub speed: T,
-    /// The least level that physics allows, N·m or N.
+    /// The least level ≥ 0 that physics allows, N·m or N.
     pub lowest: T,
-    /// The largest, N·m or N.
+    /// The largest, N·m or N; no offset exceeds it either.
     pub highest: T,
+    /// Of the observer: `k` ≥ 0, 1/s.
+    pub rate: T,
+    /// Of rows: the width > 0 of a window, s.
+    pub window: T,
+    /// Of rows: the share `1 − λ` of the prior that returns after each, 0 to 1.
+    pub forgotten: T,
+    /// Of rows: how large an offset is expected beside the Coulomb level, 0 to 1; zero for none.
+    pub offset: T,
 }
 
-impl<T: Scalar> CoulombGains<T> {
-    /// Whether the gains keep what the fields say, at a sampling period in s.
+impl<T: Scalar> Adaptation<T> {
+    /// Whether the numbers keep what the fields say, and `k·h ≤ 1` at a sampling period `h` in s.
     pub fn is_valid(&self, period: T) -> bool {
-        let numbers = [self.rate, self.speed, self.lowest, self.highest];
-        numbers.into_iter().all(Scalar::is_finite)
+        let finite = [
+            self.speed,
+            self.lowest,
+            self.highest,
+            self.rate,
+            self.window,
+        ];
+        let share = |x: T| x >= T::ZERO && x <= T::ONE;
+        finite.into_iter().all(Scalar::is_finite)
             && self.rate >= T::ZERO
             && self.rate * period <= T::ONE
             && self.speed > T::ZERO
             && self.lowest >= T::ZERO
             && self.highest >= self.lowest
+            && self.window > T::ZERO
+            && share(self.forgotten)
+            && share(self.offset)
     }
 
-    /// The level after a sample over which the velocity went from `before` to `after` while everything but dry friction
-    /// would have changed it by `push`, and a level of 1 changes it by `brake`, all in rad/s or m/s.
+    /// The level after a sample over which the velocity went from `before` to `after` while everything known but dry
+    /// friction would have changed it by `push`, by the nonlinear observer at `rates`; velocities in rad/s or m/s.
     #[must_use]
-    pub fn learn(&self, share: T, level: T, before: T, after: T, push: T, brake: T) -> T {
+    pub(super) fn observed(&self, rates: &Rates<T>, level: T, before: T, after: T, push: T) -> T {
         let sign = before.sign();
-        let slope = self.slope(before, after);
-        if slope == T::ZERO || sign != after.sign() {
+        if sign == T::ZERO || sign != after.sign() {
             return level;
         }
+        // The mean slope of G between both, which is quadratic and then straight.
+        let weight = |v: T| {
+            let w = v.abs();
+            if w < self.speed {
+                w * rates.per_speed
+            } else {
+                T::ONE
+            }
+        };
+        let slope = (weight(before) + weight(after)).half();
         // What friction has taken of the speed, against what the level says it takes.
-        let taken = (push - (after - before)) * sign;
-        let next = level + share * slope * (taken / brake - level);
-        self.projected(next, level)
+        let taken = (push - (after - before)) * sign * rates.per_kick;
+        self.projected(level + rates.share * slope * (taken - level), level)
+    }
+
+    /// A level and an offset within bounds.
+    pub(super) fn bounded(&self, next: [T; 2], last: [T; 2]) -> [T; 2] {
+        let offset = next[1].clamp_symmetric(self.highest);
+        let offset = if offset.is_finite() { offset } else { last[1] };
+        [self.projected(next[0], last[0]), offset]
     }
 
     /// A level within bounds; a number that is none leaves the old one.
@@ -71,41 +122,61 @@ impl<T: Scalar> CoulombGains<T> {
             next
         }
     }
+}
 
-    /// `ḡ` between two velocities of the same sign.
-    fn slope(&self, before: T, after: T) -> T {
-        let weight = |v: T| {
-            let w = v.abs();
-            if w < self.speed {
-                w / self.speed
-            } else {
-                T::ONE
-            }
-        };
-        (weight(before) + weight(after)).half()
+/// What the nonlinear observer multiplies with, computed once.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Rates<T> {
+    /// `k·h`.
+    share: T,
+    /// `1/w₀`.
+    per_speed: T,
+    /// Torque that gives a velocity of 1 in a sample, `J/h`.
+    per_kick: T,
+}
+
+impl<T: Scalar> Rates<T> {
+    pub fn new(adaptation: &Adaptation<T>, period: T, inertia: T) -> Self {
+        Self {
+            share: adaptation.rate * period,
+            per_speed: T::ONE / adaptation.speed,
+            per_kick: inertia / period,
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::CoulombGains;
+    use super::{Adaptation, Learning, Rates};
     use crate::scalar::{Q16, Scalar};
 
     const PERIOD: f64 = 1e-3;
     const INERTIA: f64 = 0.1;
 
-    fn gains<T: Scalar>(rate: f64) -> CoulombGains<T> {
-        CoulombGains {
+    fn adaptation<T: Scalar>(rate: f64) -> Adaptation<T> {
+        Adaptation {
+            method: Learning::Observer,
             rate: T::from_f64(rate),
             speed: T::from_f64(0.1),
             lowest: T::from_f64(0.05),
             highest: T::from_f64(2.0),
+            window: T::from_f64(0.1),
+            forgotten: T::ZERO,
+            offset: T::ZERO,
+        }
+    }
+
+    fn rates<T: Scalar>(rate: f64) -> Rates<T> {
+        Rates {
+            share: T::from_f64(rate * PERIOD),
+            per_speed: T::from_f64(10.0),
+            per_kick: T::from_f64(INERTIA / PERIOD),
         }
     }
 
     /// The level after `n` samples of an axis with the true level 0.5 that drives to and fro by exact sampled motion.
     fn learned<T: Scalar>(rate: f64, start: f64, n: u32) -> f64 {
-        let gains = gains::<T>(rate);
+        let (adaptation, rates) = (adaptation::<T>(rate), rates(rate));
         let (mut level, mut v) = (T::from_f64(start), 0.0_f64);
         for k in 0..n {
             let torque = if k % 400 < 200 { 1.0 } else { -1.0 };
@@ -113,14 +184,8 @@ mod tests {
             let free = v + push;
             let brake = PERIOD / INERTIA;
             let after = free - free.clamp(-0.5 * brake, 0.5 * brake);
-            level = gains.learn(
-                T::from_f64(rate * PERIOD),
-                level,
-                T::from_f64(v),
-                T::from_f64(after),
-                T::from_f64(push),
-                T::from_f64(brake),
-            );
+            let number = T::from_f64;
+            level = adaptation.observed(&rates, level, number(v), number(after), number(push));
             v = after;
         }
         level.to_f64()
@@ -133,11 +198,9 @@ mod tests {
             let error = learned::<f64>(10.0, start, 1000) - 0.5;
             assert!(error.abs() < 3.4e-4, "{error}");
             assert!((learned::<f32>(10.0, start, 1000) - 0.5).abs() < 1e-3);
-            // Increments of half a unit in the last place are lost: the estimate stops 1/(k·h) units away, and push and
-            // brake are rounded to 2⁻¹⁷ of about 0.01.
-            assert!(
-                (learned::<Q16>(10.0, start, 2000) - 0.5).abs() < 100.0 * 2f64.powi(-16) + 1e-3
-            );
+            // The velocities, rounded to 2⁻¹⁷ each, make 100 times that of torque, which the rate averages over 100
+            // samples; and increments below half a unit are lost, 1/(k·h) units before the end.
+            assert!((learned::<Q16>(10.0, start, 2000) - 0.5).abs() < 200.0 * 2f64.powi(-16));
         }
     }
 
@@ -146,41 +209,45 @@ mod tests {
         // In steady motion the error is multiplied by 1 − k·h in each sample: k·h = 1.9 still decays, k·h = 2.1 grows
         // until it runs into the bounds.
         let at = |product: f64| {
-            let learn = |level, _| gains(1.0).learn(product, level, 1.0, 1.0, 0.005, 0.01);
+            let rates = rates(product / PERIOD);
+            let learn = |level, _| adaptation(1.0).observed(&rates, level, 1.0, 1.0, 0.005);
             (0..300).fold(0.51, learn)
         };
         assert!((at(1.0) - 0.5).abs() < 1e-12 && (at(1.9) - 0.5).abs() < 1e-12);
         assert!((at(2.1) - 0.5).abs() > 0.1);
-        assert!(gains::<f64>(1000.0).is_valid(PERIOD) && !gains::<f64>(1001.0).is_valid(PERIOD));
+        assert!(adaptation::<f64>(1000.0).is_valid(PERIOD));
+        assert!(!adaptation::<f64>(1001.0).is_valid(PERIOD));
     }
 
     #[test]
     fn without_motion_nothing_is_learned() {
-        let gains = gains::<f32>(10.0);
+        let (adaptation, rates) = (adaptation::<f32>(10.0), rates(10.0));
         let mut level = 0.4_f32;
         for k in 0..100_000 {
             // Pushed at rest, and thrown from one direction into the other.
-            level = gains.learn(0.01, level, 0.0, 0.0, 5.0, 0.01);
+            level = adaptation.observed(&rates, level, 0.0, 0.0, 5.0);
             let v = if k % 2 == 0 { 0.5 } else { -0.5 };
-            level = gains.learn(0.01, level, v, -v, 5.0, 0.01);
+            level = adaptation.observed(&rates, level, v, -v, 5.0);
         }
         assert_eq!(level, 0.4);
     }
 
     #[test]
     fn never_leaves_its_bounds_and_leaves_a_bound_at_once() {
-        let gains = gains::<f64>(10.0);
+        let (adaptation, rates) = (adaptation::<f64>(10.0), rates(10.0));
         let mut level = 0.4;
         for _ in 0..100_000 {
-            level = gains.learn(0.01, level, 1.0, 1.0, 1.0, 0.01);
+            level = adaptation.observed(&rates, level, 1.0, 1.0, 1.0);
             assert!(level <= 2.0);
         }
         assert_eq!(level, 2.0);
         // Not wound up: one sample that says less, and it is less.
-        level = gains.learn(0.01, level, 1.0, 1.0, 0.0, 0.01);
+        level = adaptation.observed(&rates, level, 1.0, 1.0, 0.0);
         assert!(level < 1.99);
         for bad in [f64::NAN, f64::INFINITY] {
-            assert_eq!(gains.learn(0.01, 0.4, 1.0, 1.0, bad, 0.01), 0.4);
+            assert_eq!(adaptation.observed(&rates, 0.4, 1.0, 1.0, bad), 0.4);
+            assert_eq!(adaptation.bounded([bad, bad], [0.4, 0.1])[0], 0.4);
         }
+        assert_eq!(adaptation.bounded([9.0, -9.0], [0.4, 0.1]), [2.0, -2.0]);
     }
 }

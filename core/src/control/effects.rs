@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Position;
+use super::{Backlash, Position};
 use crate::Scalar;
 
 /// A wave over position: `sine·sin φ + cosine·cos φ` with `φ = 2π·periods·q`.
@@ -53,6 +53,8 @@ pub struct Effects<T> {
     pub waves: [Harmonic<T>; WAVES],
     /// `position-dependent-friction`: what the Coulomb level has at a position beyond its mean.
     pub friction: Harmonic<T>,
+    /// `backlash`.
+    pub backlash: Backlash<T>,
 }
 
 /// Waves over position that a controller can carry.
@@ -66,22 +68,31 @@ impl<T: Scalar> Effects<T> {
         stiffness: T::ZERO,
         waves: [Harmonic::NONE; WAVES],
         friction: Harmonic::NONE,
+        backlash: Backlash::NONE,
     };
 
-    /// Whether every number is finite.
-    pub fn is_valid(&self) -> bool {
+    /// Whether every number is finite, and the backlash one of an axis with this inertia.
+    pub fn is_valid(&self, inertia: T) -> bool {
         let own = [self.offset, self.viscous_difference, self.stiffness];
         let waves = self.waves.iter().chain([&self.friction]);
         own.into_iter().all(Scalar::is_finite)
             && waves
                 .flat_map(|w| [w.sine, w.cosine])
                 .all(Scalar::is_finite)
+            && self.backlash.is_valid(inertia)
     }
 
-    /// What resists at a position, whatever the motion, N·m or N; `count` is rad or m to a count.
+    /// Whether any torque here depends on the position.
+    pub fn depends_on_position(&self) -> bool {
+        let waves = self.waves.iter().chain([&self.friction]);
+        let waving = |w: &Harmonic<T>| w.sine != T::ZERO || w.cosine != T::ZERO;
+        self.stiffness != T::ZERO || waves.into_iter().any(waving)
+    }
+
+    /// What waves and a spring resist at a position, whatever the motion, N·m or N; `count` is rad or m to a count.
     pub fn holding(&self, position: Position<T>, count: T) -> T {
         let waves = self.waves.iter().map(|wave| wave.at(position));
-        let mut sum = waves.fold(self.offset, |sum, wave| sum + wave);
+        let mut sum = waves.fold(T::ZERO, |sum, wave| sum + wave);
         if self.stiffness != T::ZERO {
             sum += self.stiffness * (position.minus(Position::at(0)) * count);
         }
@@ -97,7 +108,6 @@ mod tests {
 
     fn cogging<T: Scalar>() -> Effects<T> {
         let mut effects = Effects::NONE;
-        effects.offset = T::from_f64(0.25);
         effects.stiffness = T::from_f64(0.125);
         // 24 periods a turn of 4096 counts.
         effects.waves[2] = Harmonic {
@@ -115,7 +125,7 @@ mod tests {
             let found = effects.holding(Position::from_f64(counts), T::from_f64(0.01));
             let phase = counts * 24.0 / 4096.0 * core::f64::consts::TAU;
             let wave = 0.3 * libm::sin(phase) - 0.4 * libm::cos(phase);
-            (found.to_f64() - (0.25 + 0.125 * 0.01 * counts + wave)).abs()
+            (found.to_f64() - (0.125 * 0.01 * counts + wave)).abs()
         });
         errors.fold(0.0, f64::max)
     }
@@ -132,8 +142,8 @@ mod tests {
     #[test]
     fn numbers_that_are_none_are_refused() {
         let mut effects = cogging::<f32>();
-        assert!(effects.is_valid());
+        assert!(effects.is_valid(1.0));
         effects.friction.cosine = f32::NAN;
-        assert!(!effects.is_valid());
+        assert!(!effects.is_valid(1.0));
     }
 }

@@ -38,29 +38,32 @@ impl<T: Scalar> Friction<T> {
             && self.static_level.is_finite()
             && self.static_level >= self.coulomb
     }
-
-    /// What the level has at this velocity beyond the Coulomb level.
-    pub fn excess(&self, velocity: T) -> T {
-        let most = self.static_level - self.coulomb;
-        if most == T::ZERO {
-            return T::ZERO;
-        }
-        most * self.curve.decay(velocity / self.stribeck_velocity)
-    }
 }
 
-/// Bristles at a Coulomb level of the moment.
-pub(super) struct Bristles<'a, T> {
-    /// The law.
+/// A law at the Coulomb level of the moment.
+pub(super) struct Law<'a, T> {
     pub friction: &'a Friction<T>,
     /// Its Coulomb level now.
     pub coulomb: T,
+    /// One over its Stribeck velocity.
+    pub per_stribeck: T,
 }
 
-impl<T: Scalar> Dynamic<T> for Bristles<'_, T> {
+impl<T: Scalar> Law<'_, T> {
+    /// What the level has at this velocity beyond the Coulomb level.
+    pub fn excess(&self, velocity: T) -> T {
+        let most = self.friction.static_level - self.friction.coulomb;
+        if most == T::ZERO {
+            return T::ZERO;
+        }
+        most * self.friction.curve.decay(velocity * self.per_stribeck)
+    }
+}
+
+impl<T: Scalar> Dynamic<T> for Law<'_, T> {
     fn level(&self, velocity: T) -> T {
         // Bristles without a level would bend for ever.
-        let level = self.coulomb + self.friction.excess(velocity);
+        let level = self.coulomb + self.excess(velocity);
         if level > T::EPSILON {
             level
         } else {

@@ -4,8 +4,8 @@
 //! | --- | --- |
 //! | [`Observer`] | velocity from encoder counts and known forces |
 //! | [`Friction`], [`Compensation`] | the torque that takes friction away: static, or by observed bristles |
-//! | [`CoulombGains`] | the Coulomb level, learned while the axis moves |
-//! | [`Effects`] | gravity, cogging, asymmetries and whatever else a diagnosis found over position |
+//! | [`Adaptation`] | the Coulomb level, learned while the axis moves |
+//! | [`Effects`], [`Backlash`] | gravity, cogging, asymmetries and whatever else a diagnosis found |
 //! | [`Pid`] | P, PI and PID with anti-windup |
 //! | [`Controller`] | all of these as one sample of an axis: encoder counts and a set point in, a command out |
 //!
@@ -14,7 +14,7 @@
 //!
 //! ```
 //! use bristle_core::control::{
-//!     Compensation, Controller, CoulombGains, Driver, Effects, Friction, Method, Parameters, Position, SetPoint,
+//!     Adaptation, Compensation, Controller, Driver, Effects, Friction, Learning, Method, Parameters, Position, SetPoint,
 //! };
 //! use bristle_core::friction::Curve;
 //!
@@ -27,7 +27,10 @@
 //!         bristle_stiffness: 100.0, bristle_damping: 0.0,
 //!     },
 //!     compensation: Compensation { method: Method::Static, driver: Driver::Command, share: 1.0, slope: 0.5, crossing: 0.01 },
-//!     adaptation: CoulombGains { rate: 10.0, speed: 0.1, lowest: 0.0, highest: 0.5 },
+//!     adaptation: Adaptation {
+//!         method: Learning::Observer, speed: 0.1, lowest: 0.0, highest: 0.5, rate: 10.0,
+//!         window: 0.1, forgotten: 0.1, offset: 0.0,
+//!     },
 //!     effects: Effects::NONE,
 //! };
 //! let mut axis = Controller::new(parameters, 0)?;
@@ -37,19 +40,23 @@
 //! # Ok::<(), bristle_core::control::Invalid>(())
 //! ```
 
+mod backlash;
 mod compensation;
 mod controller;
 mod coulomb;
+mod derived;
 mod effects;
 mod friction;
 mod observer;
 mod parameters;
 mod pid;
 mod position;
+mod rows;
 
+pub use backlash::Backlash;
 pub use compensation::{Compensation, Driver, Method};
 pub use controller::{Controller, Output, SetPoint};
-pub use coulomb::CoulombGains;
+pub use coulomb::{Adaptation, Learning};
 pub use effects::{Effects, Harmonic, WAVES};
 pub use friction::Friction;
 pub use observer::{Observer, ObserverGains};

@@ -4,7 +4,7 @@ use core::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Compensation, CoulombGains, Effects, Friction, Harmonic};
+use super::{Adaptation, Backlash, Compensation, Effects, Friction, Harmonic};
 use crate::Scalar;
 use crate::friction::{OutOfRange, Units};
 
@@ -40,7 +40,7 @@ pub struct Parameters<T> {
     /// What is done about it.
     pub compensation: Compensation<T>,
     /// How its Coulomb level is adapted.
-    pub adaptation: CoulombGains<T>,
+    pub adaptation: Adaptation<T>,
     /// Further physics, which is always compensated.
     pub effects: Effects<T>,
 }
@@ -92,7 +92,7 @@ impl<T: Scalar> Parameters<T> {
                 self.compensation.is_safe(self.velocity_gain),
             ),
             ("adaptation", self.adaptation.is_valid(self.period)),
-            ("effects", self.effects.is_valid()),
+            ("effects", self.effects.is_valid(self.inertia)),
         ];
         let bad = checks.into_iter().find(|(_, holds)| !holds);
         bad.map_or(Ok(()), |(parameter, _)| Err(Invalid { parameter }))
@@ -147,11 +147,15 @@ impl Parameters<f64> {
                 slope: scale("slope", compensation.slope, viscous)?,
                 crossing: scale("crossing", compensation.crossing, velocity)?,
             },
-            adaptation: CoulombGains {
-                rate: scale("adaptation rate", adaptation.rate, 1.0 / time)?,
+            adaptation: Adaptation {
+                method: adaptation.method,
                 speed: scale("adaptation speed", adaptation.speed, velocity)?,
                 lowest: scale("lowest level", adaptation.lowest, force)?,
                 highest: scale("highest level", adaptation.highest, force)?,
+                rate: scale("adaptation rate", adaptation.rate, 1.0 / time)?,
+                window: scale("adaptation window", adaptation.window, time)?,
+                forgotten: scale("forgotten share", adaptation.forgotten, 1.0)?,
+                offset: scale("expected offset", adaptation.offset, 1.0)?,
             },
             effects: self.effects.scaled(units)?,
         })
@@ -177,6 +181,15 @@ impl Effects<f64> {
             stiffness: scale("stiffness", self.stiffness, units.force / units.position)?,
             waves: self.waves.each_ref().map(wave),
             friction: wave(&self.friction),
+            backlash: Backlash {
+                gap: scale("gap", self.backlash.gap, 1.0)?,
+                inertia: scale(
+                    "load inertia",
+                    self.backlash.inertia,
+                    units.force * units.time() / units.velocity,
+                )?,
+                speed: scale("flank speed", self.backlash.speed, units.velocity)?,
+            },
         })
     }
 }

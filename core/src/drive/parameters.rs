@@ -78,11 +78,15 @@ impl<T: Number> Parameters<T> {
             slope: T::ZERO,
             crossing: T::ONE,
         };
-        let adaptation = control::CoulombGains {
-            rate: T::ZERO,
+        let adaptation = control::Adaptation {
+            method: control::Learning::Off,
             speed: T::ONE,
             lowest: T::ZERO,
             highest: T::ZERO,
+            rate: T::ZERO,
+            window: T::ONE,
+            forgotten: T::ZERO,
+            offset: T::ZERO,
         };
         Self {
             limits: Limits {

@@ -1,7 +1,7 @@
 //! A servo axis to try controllers on, in double precision and with nothing of `control` in it.
 
 use bristle_core::control::{
-    Compensation, CoulombGains, Driver, Effects, Friction, Method, Parameters,
+    Adaptation, Compensation, Driver, Effects, Friction, Learning, Method, Parameters,
 };
 use bristle_core::friction::{Curve, Dynamic, ModifiedLuGre};
 
@@ -110,8 +110,12 @@ pub fn parameters(truth: &Truth, omega: f64) -> Parameters<f64> {
             slope: 2.0 * velocity_gain,
             crossing: 0.01,
         },
-        adaptation: CoulombGains {
-            rate: 0.0,
+        adaptation: Adaptation {
+            method: Learning::Off,
+            rate: 10.0,
+            window: 0.1,
+            forgotten: 0.1,
+            offset: 0.0,
             speed: 0.1,
             lowest: 0.0,
             highest: 0.5,

@@ -1,0 +1,60 @@
+//! What follows from parameters.
+
+use super::coulomb::Rates;
+use super::rows::Rows;
+use super::{ObserverGains, Parameters, Pid};
+use crate::Scalar;
+
+/// What the control path multiplies with, computed once when parameters are put in force.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Derived<T> {
+    pub observer: ObserverGains<T>,
+    pub velocity: Pid<T>,
+    pub rates: Rates<T>,
+    pub rows: Rows<T>,
+    /// Velocity that a torque of 1 gives in a sample.
+    pub kick: T,
+    /// Velocity of a count a sample.
+    pub per_count: T,
+    /// `u` per torque.
+    pub per_torque: T,
+    /// One over the Stribeck velocity.
+    pub per_stribeck: T,
+    /// One over the speed of crossing.
+    pub per_crossing: T,
+    /// Largest torque at standstill.
+    pub most: T,
+    /// Counts that the set point may change flanks by in a sample.
+    pub flank_step: T,
+    /// Whether any torque depends on position.
+    pub placed: bool,
+}
+
+impl<T: Scalar> Derived<T> {
+    pub fn new(p: &Parameters<T>) -> Self {
+        let most = (p.gain * p.command_limit).abs();
+        let backlash = &p.effects.backlash;
+        Self {
+            observer: ObserverGains::new(p.observer_bandwidth, p.period, p.count),
+            velocity: Pid {
+                proportional: p.velocity_gain,
+                integral: p.velocity_integral,
+                derivative: T::ZERO,
+            },
+            rates: Rates::new(&p.adaptation, p.period, p.inertia),
+            rows: Rows::new(&p.adaptation, p.period, p.inertia, p.count),
+            kick: p.period / p.inertia,
+            per_count: p.count / p.period,
+            per_torque: T::ONE / p.gain,
+            per_stribeck: T::ONE / p.friction.stribeck_velocity,
+            per_crossing: T::ONE / p.compensation.crossing,
+            most: if most < p.torque_limit {
+                most
+            } else {
+                p.torque_limit
+            },
+            flank_step: backlash.speed * p.period / p.count,
+            placed: p.effects.depends_on_position(),
+        }
+    }
+}
