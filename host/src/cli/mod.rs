@@ -5,6 +5,8 @@ mod curve;
 mod dbi;
 mod demo;
 mod diagnose;
+#[cfg(unix)]
+mod emulate;
 mod explain;
 mod identify;
 mod input;
@@ -42,6 +44,10 @@ enum Verb {
     Identify(identify::Command),
     Dbi(dbi::Command),
     Simulate(simulate::Command),
+    #[cfg(unix)]
+    Emulate(emulate::Emulate),
+    #[cfg(unix)]
+    Record(emulate::Make),
     Explain(explain::Command),
 }
 
@@ -55,6 +61,10 @@ pub fn run() -> u8 {
         Verb::Identify(command) => command.run(),
         Verb::Dbi(command) => command.run(),
         Verb::Simulate(command) => command.run(),
+        #[cfg(unix)]
+        Verb::Emulate(command) => command.run(),
+        #[cfg(unix)]
+        Verb::Record(command) => command.run(),
         Verb::Explain(command) => command.run(),
     })
     .unwrap_or_else(|_| Err(Error::Internal("the program stopped at a panic".to_owned())));
