@@ -2,7 +2,7 @@
 //!
 //! Data goes one way. A module uses only those before it in this order, which `tests/structure.rs` checks:
 //!
-//! format → motion → error → effects → model → recording → weak → problem → noise → linear → projection → system → scan → normal → uncertainty → refine → dictionary → axis → step → simulate → plant → excite → bench → emulate → fit → identify → stream → pem → curve → check → diagnose → experiment → dbi → report → cli
+//! format → motion → error → effects → model → recording → weak → problem → noise → linear → projection → system → scan → normal → uncertainty → refine → dictionary → axis → step → simulate → plant → tune → excite → bench → servo → emulate → fit → identify → stream → pem → curve → check → diagnose → experiment → dbi → trials → report → cli
 
 pub mod axis;
 pub mod bench;
@@ -34,9 +34,12 @@ pub mod recording;
 pub mod refine;
 pub mod report;
 pub mod scan;
+pub mod servo;
 pub mod simulate;
 pub mod step;
 pub mod stream;
 pub mod system;
+pub mod trials;
+pub mod tune;
 pub mod uncertainty;
 pub mod weak;

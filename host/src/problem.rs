@@ -1,8 +1,7 @@
 //! The weak form of one axis over all its recordings: rows, and the columns of every term.
 
-use std::cell::RefCell;
 use std::collections::HashMap;
-use std::rc::Rc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::effects::{Effect, Inner, Path, Point, Survey};
 use crate::model::Model;
@@ -31,7 +30,7 @@ pub enum Response {
 }
 
 /// A column of functionals, one for each row.
-pub type Column = Rc<Vec<f64>>;
+pub type Column = Arc<Vec<f64>>;
 
 /// Bits of what the bristles of a model depend on; zeros without bristles.
 type Bristled = [u64; 5];
@@ -43,7 +42,7 @@ type Key = (&'static str, Vec<u64>);
 #[derive(Clone, Default)]
 pub struct Direction {
     bristled: Bristled,
-    bent: Option<Rc<Vec<Vec<Bent>>>>,
+    bent: Option<Arc<Vec<Vec<Bent>>>>,
 }
 
 impl Direction {
@@ -60,6 +59,11 @@ impl Direction {
     }
 }
 
+/// What a mutex guards; entries are written whole, so a panic elsewhere leaves none half-made.
+fn hold<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 /// Tracks, windows and rows, with the columns computed so far.
 pub struct Problem {
     /// One track for each recording.
@@ -74,9 +78,9 @@ pub struct Problem {
     pub response: Response,
     /// `∫q φ̈` of every row.
     pub acceleration: Column,
-    cache: RefCell<HashMap<Key, Vec<Column>>>,
+    cache: Mutex<HashMap<Key, Vec<Column>>>,
     /// The last direction asked for: that of one set of bristles serves all columns of a model.
-    direction: RefCell<Direction>,
+    direction: Mutex<Direction>,
 }
 
 impl Problem {
@@ -107,11 +111,11 @@ impl Problem {
             rows,
             motion,
             response,
-            acceleration: Rc::default(),
-            cache: RefCell::default(),
-            direction: RefCell::default(),
+            acceleration: Arc::default(),
+            cache: Mutex::default(),
+            direction: Mutex::default(),
         };
-        problem.acceleration = Rc::new(problem.stack(|t, w| w.acceleration(&t.q)));
+        problem.acceleration = Arc::new(problem.stack(|t, w| w.acceleration(&t.q)));
         problem
     }
 
@@ -158,15 +162,16 @@ impl Problem {
             return Direction::default();
         };
         let bristled = model.bristle_key();
-        if self.direction.borrow().bristled == bristled {
-            return self.direction.borrow().clone();
+        let last = hold(&self.direction).clone();
+        if last.bristled == bristled {
+            return last;
         }
         let bent = self.tracks.iter().map(|t| t.bend(law.as_ref())).collect();
         let direction = Direction {
             bristled,
-            bent: Some(Rc::new(bent)),
+            bent: Some(Arc::new(bent)),
         };
-        self.direction.replace(direction.clone());
+        *hold(&self.direction) = direction.clone();
         direction
     }
 
@@ -322,11 +327,11 @@ impl Problem {
     /// Bounded: a scan or a refinement that fills the cache starts it anew.
     fn cached(&self, key: Key, compute: impl FnOnce() -> Vec<Vec<f64>>) -> Vec<Column> {
         const MOST: usize = 2000;
-        if let Some(columns) = self.cache.borrow().get(&key) {
+        if let Some(columns) = hold(&self.cache).get(&key) {
             return columns.clone();
         }
-        let columns: Vec<Column> = compute().into_iter().map(Rc::new).collect();
-        let mut cache = self.cache.borrow_mut();
+        let columns: Vec<Column> = compute().into_iter().map(Arc::new).collect();
+        let mut cache = hold(&self.cache);
         if cache.len() >= MOST {
             cache.clear();
         }

@@ -6,7 +6,7 @@
 //! - force, `k·Fu[u] = J·F2[q] + Σ c·B`: a disturbance torque is independent of an imposed motion. Here encoder noise in
 //!   the regressor `F2[q]` would bias `J`; its known energy is subtracted from the normal equations.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use nalgebra::DVector;
 
@@ -394,7 +394,7 @@ fn effective_input(problem: &Problem, model: &Model, path: &Path) -> Column {
     }
     let mut effective = input.to_vec();
     add(&mut effective, -back_emf, &problem.velocity());
-    Rc::new(effective)
+    Arc::new(effective)
 }
 
 /// The weak-form residual of a model whose parameters all have values, on the side of the problem's response.

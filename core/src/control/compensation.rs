@@ -40,13 +40,15 @@ pub enum Driver {
 /// - driven by the measured velocity, the slope is negative damping: [`Compensation::is_safe`] asks for
 ///   `slope ≤ kv/2`, so that half of the gain is left at every velocity;
 /// - driven by the command, it is a spring of stiffness `kp·slope`, of a monotone characteristic: it stores energy and
-///   gives it back, and the damping `kv` stays. With gains `kv = J·ω`, `kp = ω/4` the slope `3·kv` makes the spring as
-///   stiff as `J·ω²`, which `kv` damps with the ratio 1/2: `slope ≤ 3·kv` is asked for;
+///   gives it back, and the damping `kv` stays. With gains `kv = J·ω`, `kp = ω/4` the slope `kv` makes the spring as
+///   stiff as `J·ω²/2`, which `kv` damps with the ratio 1/√2: `slope ≤ kv` is asked for;
 /// - driven by the set point there is no loop, and any slope will do.
 ///
-/// An observer of bristles has the slope `σ0` over *position*; driven by the measured velocity it takes the stiffness
-/// of the true contact away, and 30 % too much of it would make the standstill unstable: `share ≤ 3/4` is asked for,
-/// as `1.3·3/4 < 1`.
+/// An observer of bristles has the slope `σ0` over *position*; driven by the measured velocity it takes stiffness and
+/// level of the true contact away, and more than there is of either would make the standstill unstable:
+/// `share ≤ 2/3` is asked for, which leaves something of a contact that has 30 % less than its model. It is
+/// for contacts that have bristles: where an axis sticks at once, the bristles keep what they were bent by,
+/// and an integral that works against that at a standstill goes to and fro. It is for moving, not for holding a place.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Compensation<T> {
     /// How friction is computed.
@@ -81,8 +83,8 @@ impl<T: Scalar> Compensation<T> {
         let stable = match (self.method, self.driver) {
             (Method::Off, _) | (_, Driver::Desired) => true,
             (Method::Static, Driver::Measured) => self.slope <= gain.half(),
-            (Method::Static, Driver::Command) => self.slope <= three * gain,
-            (Method::Bristles, Driver::Measured) => self.share <= three.half().half(),
+            (Method::Static, Driver::Command) => self.slope <= gain,
+            (Method::Bristles, Driver::Measured) => three * self.share <= T::from_i32(2),
             // Bristles remember how far they were bent: driven by a command they would be an integrator.
             (Method::Bristles, Driver::Command) => false,
         };

@@ -7,6 +7,8 @@
 //! | [`Adaptation`] | the Coulomb level, learned while the axis moves |
 //! | [`Effects`], [`Backlash`] | gravity, cogging, asymmetries and whatever else a diagnosis found |
 //! | [`Pid`] | P, PI and PID with anti-windup |
+//! | [`CurrentLoop`] | current from voltage, below it |
+//! | [`Profile`] | set points of a move with limited velocity, acceleration and jerk |
 //! | [`Controller`] | all of these as one sample of an axis: encoder counts and a set point in, a command out |
 //!
 //! Gains and state are different things here: what a sample changes is small, and parameters are checked once, when they
@@ -26,7 +28,7 @@
 //!         coulomb: 0.1, viscous: 0.01, static_level: 0.1, stribeck_velocity: 0.1, curve: Curve::Rational,
 //!         bristle_stiffness: 100.0, bristle_damping: 0.0,
 //!     },
-//!     compensation: Compensation { method: Method::Static, driver: Driver::Command, share: 1.0, slope: 0.5, crossing: 0.01 },
+//!     compensation: Compensation { method: Method::Static, driver: Driver::Command, share: 1.0, slope: 0.25, crossing: 0.01 },
 //!     adaptation: Adaptation {
 //!         method: Learning::Observer, speed: 0.1, lowest: 0.0, highest: 0.5, rate: 10.0,
 //!         window: 0.1, forgotten: 0.1, offset: 0.0,
@@ -44,6 +46,7 @@ mod backlash;
 mod compensation;
 mod controller;
 mod coulomb;
+mod current;
 mod derived;
 mod effects;
 mod friction;
@@ -51,15 +54,18 @@ mod observer;
 mod parameters;
 mod pid;
 mod position;
+mod profile;
 mod rows;
 
 pub use backlash::Backlash;
 pub use compensation::{Compensation, Driver, Method};
 pub use controller::{Controller, Output, SetPoint};
 pub use coulomb::{Adaptation, Learning};
+pub use current::CurrentLoop;
 pub use effects::{Effects, Harmonic, WAVES};
 pub use friction::Friction;
 pub use observer::{Observer, ObserverGains};
 pub use parameters::{Invalid, Parameters};
 pub use pid::Pid;
 pub use position::Position;
+pub use profile::{Limits, Profile};

@@ -3,7 +3,7 @@
 use bristle_core::control::{
     Adaptation, Compensation, Driver, Effects, Friction, Learning, Method, Parameters,
 };
-use bristle_core::friction::{Curve, Dynamic, ModifiedLuGre};
+use bristle_core::friction::{Curve, Dynamic, ModifiedLuGre, Units};
 
 /// What really acts on the axis.
 #[derive(Clone, Copy, Debug)]
@@ -17,6 +17,8 @@ pub struct Truth {
     pub stiffness: f64,
     /// A torque over position and velocity that resists motion.
     pub other: fn(f64, f64) -> f64,
+    /// What the level of friction has at a position beyond its mean; not with bristles.
+    pub wave: fn(f64) -> f64,
 }
 
 /// Position, velocity and bristle deflection.
@@ -52,6 +54,7 @@ impl Axis {
                 let ratio = self.v / truth.stribeck_velocity;
                 let level =
                     truth.coulomb + (truth.static_level - truth.coulomb) / (1.0 + ratio * ratio);
+                let level = level + (truth.wave)(self.q);
                 let free = self.v + driven * dt / truth.inertia;
                 let brake = level * dt / truth.inertia;
                 self.v = free - free.clamp(-brake, brake);
@@ -60,6 +63,13 @@ impl Axis {
         }
     }
 }
+
+/// SI units, in which floating point works.
+pub const SI: Units = Units {
+    force: 1.0,
+    position: 1.0,
+    velocity: 1.0,
+};
 
 pub const PERIOD: f64 = 1e-3;
 /// An encoder of 4096 counts a turn.
@@ -73,6 +83,7 @@ pub const TRUTH: Truth = Truth {
     stribeck_velocity: 0.1,
     stiffness: 0.0,
     other: |_, _| 0.0,
+    wave: |_| 0.0,
 };
 
 /// A controller that knows the axis, with a velocity loop of `omega` rad/s and a position loop of a quarter of that.
@@ -107,7 +118,7 @@ pub fn parameters(truth: &Truth, omega: f64) -> Parameters<f64> {
             method: Method::Static,
             driver: Driver::Command,
             share: 1.0,
-            slope: 2.0 * velocity_gain,
+            slope: 0.999 * velocity_gain,
             crossing: 0.01,
         },
         adaptation: Adaptation {

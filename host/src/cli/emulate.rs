@@ -21,6 +21,7 @@ use crate::error::{Error, Result};
 use crate::excite::{Excitation, Shape};
 use crate::model::{Model, Motion};
 use crate::plant;
+use crate::tune::Wish;
 
 /// What both verbs say at the end of their long help.
 const EXAMPLES: &str = "\
@@ -62,7 +63,7 @@ struct Options {
     /// What random phases and levels are drawn from
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Bandwidth of the velocity loop, Hz; the position loop has a quarter of it [default: a fiftieth of the rate]
+    /// Frequency up to which the position follows its set point, Hz [default: a hundredth of the rate]
     #[arg(long, value_name = "HZ")]
     bandwidth: Option<f64>,
     /// Largest input that the board may apply, in the unit of u [default: twice the amplitude under --follow input]
@@ -305,9 +306,12 @@ impl Options {
             bus: 24.0,
         };
         let setup = Setup {
-            period: 1.0 / self.rate,
-            bandwidth: self.bandwidth.unwrap_or(self.rate / 50.0),
-            input_limit: self.input_limit()?,
+            wish: Wish {
+                bandwidth: self.bandwidth.unwrap_or(self.rate / 100.0),
+                rate: self.rate,
+                counts: self.counts,
+                limit: self.input_limit()?,
+            },
             compensate: self.compensate,
             units: SI,
         };

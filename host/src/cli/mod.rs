@@ -7,6 +7,7 @@ mod demo;
 mod diagnose;
 #[cfg(unix)]
 mod emulate;
+mod experiment;
 mod explain;
 mod identify;
 mod input;
@@ -14,6 +15,7 @@ mod method;
 mod output;
 mod simulate;
 mod terminal;
+mod tune;
 mod windows;
 
 use clap::{Parser, Subcommand};
@@ -49,6 +51,8 @@ enum Verb {
     #[cfg(unix)]
     Record(emulate::Make),
     Explain(explain::Command),
+    Tune(tune::Command),
+    Experiment(experiment::Command),
 }
 
 /// Runs the command line of this process and returns its exit status.
@@ -66,6 +70,8 @@ pub fn run() -> u8 {
         #[cfg(unix)]
         Verb::Record(command) => command.run(),
         Verb::Explain(command) => command.run(),
+        Verb::Tune(command) => command.run(),
+        Verb::Experiment(command) => command.run(),
     })
     .unwrap_or_else(|_| Err(Error::Internal("the program stopped at a panic".to_owned())));
     outcome.unwrap_or_else(|error| {

@@ -1,5 +1,7 @@
 //! Which effects are certainly left out: forward selection with re-examination.
 
+use rayon::prelude::*;
+
 use super::trial::{Base, Gain, Trial};
 use crate::effects::{self, Path};
 use crate::error::Result;
@@ -91,13 +93,12 @@ fn passes(trial: &Trial) -> bool {
 
 /// Every effect not yet in the model, tried on it; best first.
 fn trials(base: &Base, model: &Model, excluded: &[&str]) -> Result<Vec<Trial>> {
-    let mut trials = Vec::new();
     let given = model.given();
-    for &effect in effects::ALL.iter().filter(|e| {
+    let open = effects::ALL.par_iter().filter(|e| {
         e.unsuited(given).is_none() && !model.has(e.id()) && !excluded.contains(&e.id())
-    }) {
-        trials.extend(base.attempt(effect)?);
-    }
+    });
+    let tried: Result<Vec<Option<Trial>>> = open.map(|&effect| base.attempt(effect)).collect();
+    let mut trials: Vec<Trial> = tried?.into_iter().flatten().collect();
     trials.sort_by(|a, b| b.delta_bic.total_cmp(&a.delta_bic));
     Ok(trials)
 }
@@ -119,11 +120,10 @@ fn best(
         .into_iter()
         .partition(passes);
     if passing.is_empty() {
-        for trial in rest {
-            if predicts_better(bench, model, &trial, recordings)? {
-                passing.push(trial);
-            }
-        }
+        let better = |trial: &Trial| predicts_better(bench, model, trial, recordings);
+        let better: Result<Vec<bool>> = rest.par_iter().map(better).collect();
+        let rest = rest.into_iter().zip(better?);
+        passing.extend(rest.filter_map(|(trial, better)| better.then_some(trial)));
     }
     let mut passing = passing.into_iter();
     Ok(passing.next().map(|trial| Selected {

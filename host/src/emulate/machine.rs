@@ -165,17 +165,21 @@ impl Machine {
     }
 
     fn broken(&mut self, what: &str) -> Error {
-        let status = match self.end() {
+        let status = match self.ended(Duration::from_millis(200)) {
             Some(status) => status.to_string(),
             None => "still running".to_owned(),
         };
         Error::Emulator(format!("no answer from the firmware ({what}; {status})"))
     }
 
-    /// Waits a moment for the emulator to end by itself.
+    /// Waits for the emulator to end by itself.
     pub fn end(&mut self) -> Option<ExitStatus> {
+        self.ended(PATIENCE)
+    }
+
+    fn ended(&mut self, patience: Duration) -> Option<ExitStatus> {
         let start = Instant::now();
-        while start.elapsed() < Duration::from_millis(500) {
+        while start.elapsed() < patience {
             if let Ok(Some(status)) = self.child.try_wait() {
                 return Some(status);
             }

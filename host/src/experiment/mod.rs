@@ -10,6 +10,7 @@ mod judge;
 
 use std::fmt::Write;
 
+use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::diagnose::Outcome;
@@ -68,18 +69,25 @@ pub fn next(
         positions: recordings.iter().all(|r| r.q.is_some()),
         noise: prediction_noise(outcome, bench),
     };
-    let mut best: Option<(f64, Candidate)> = None;
     let target = judge::least_certain(model);
-    for candidate in candidates::all(model, &rivals, &safe)? {
-        let score = match (rivals.is_empty(), target) {
-            (false, _) => judge.discrimination(model, &rivals, &candidate)?,
-            (true, Some(target)) => judge.improvement(model, target, &candidate)?,
-            (true, None) => return Ok(None),
-        };
-        if score.is_finite() && best.as_ref().is_none_or(|(b, _)| score > *b) {
-            best = Some((score, candidate));
-        }
+    if rivals.is_empty() && target.is_none() {
+        return Ok(None);
     }
+    let score = |candidate: Candidate| -> Result<(f64, Candidate)> {
+        let score = match target {
+            Some(target) if rivals.is_empty() => judge.improvement(model, target, &candidate)?,
+            _ => judge.discrimination(model, &rivals, &candidate)?,
+        };
+        Ok((score, candidate))
+    };
+    let candidates = candidates::all(model, &rivals, &safe)?.into_par_iter();
+    let scored: Vec<(f64, Candidate)> = candidates.map(score).collect::<Result<_>>()?;
+    // Of equals the first, whatever thread came first.
+    let best = scored
+        .into_iter()
+        .filter(|(score, _)| score.is_finite())
+        .rev()
+        .max_by(|a, b| a.0.total_cmp(&b.0));
     Ok(best.map(|(score, candidate)| {
         let between = match target {
             Some(k) if rivals.is_empty() => vec![model.labels()[k].to_string()],

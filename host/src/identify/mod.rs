@@ -5,7 +5,7 @@ mod side;
 mod smoothing;
 mod width;
 
-use std::cell::OnceCell;
+use std::sync::OnceLock;
 
 use crate::dictionary::Dictionary;
 use crate::error::{Error, Result};
@@ -49,7 +49,7 @@ pub struct Workbench {
     /// inertia would be negative.
     robust_inertia: Option<f64>,
     /// The same windows on velocities smoothed half as wide, with their folds, made when first asked for.
-    finer: OnceCell<(Problem, Vec<Option<usize>>)>,
+    finer: OnceLock<(Problem, Vec<Option<usize>>)>,
 }
 
 /// What the user decides instead of the tool.
@@ -170,7 +170,7 @@ impl Workbench {
             dictionary,
             width,
             robust_inertia,
-            finer: OnceCell::new(),
+            finer: OnceLock::new(),
         })
     }
 

@@ -1,6 +1,6 @@
 //! The side of the equation of motion whose error is minimised.
 
-use std::rc::Rc;
+use std::sync::Arc;
 
 use super::GENERIC_RIDGE;
 use crate::dictionary::Dictionary;
@@ -34,7 +34,7 @@ pub(super) fn choose_response(
     if model.parameters()[model.moving_inertia()].known {
         return Ok((Response::Acceleration, None));
     }
-    let generic = |keep: &dyn Fn(&str) -> bool| -> Vec<Rc<Vec<f64>>> {
+    let generic = |keep: &dyn Fn(&str) -> bool| -> Vec<Arc<Vec<f64>>> {
         dictionary
             .groups(problem)
             .into_iter()
@@ -44,7 +44,7 @@ pub(super) fn choose_response(
     };
     let all = generic(&|coordinate| !coordinate.starts_with("input"));
     let position = generic(&|coordinate| coordinate == "position");
-    let mut inertia = |response: Response, generic: &[Rc<Vec<f64>>]| -> Result<Option<f64>> {
+    let mut inertia = |response: Response, generic: &[Arc<Vec<f64>>]| -> Result<Option<f64>> {
         problem.response = response;
         let system = System::new(problem, model)?;
         let columns = system.columns_and(generic.iter().map(|c| c.as_slice()));
@@ -58,7 +58,7 @@ pub(super) fn choose_response(
             }
         }))
     };
-    let mut by_both_sides = |generic: &[Rc<Vec<f64>>]| -> Result<(Option<f64>, Option<f64>)> {
+    let mut by_both_sides = |generic: &[Arc<Vec<f64>>]| -> Result<(Option<f64>, Option<f64>)> {
         Ok((
             inertia(Response::Acceleration, generic)?,
             inertia(Response::Force, generic)?,

@@ -15,6 +15,7 @@ mod study;
 mod subject;
 mod tables;
 mod thin;
+mod trials;
 
 #[cfg(test)]
 mod tests;
@@ -26,6 +27,7 @@ use crate::error::{Error, Result};
 use crate::experiment::NextExperiment;
 use crate::identify::{Identified, Workbench};
 use crate::recording::Recording;
+use crate::trials::Campaign;
 use page::Page;
 
 /// The HTML text of a diagnosis. Fails only if a model has no values, or on a defect.
@@ -58,6 +60,11 @@ pub fn study(
     recordings: &[Recording],
 ) -> Result<String> {
     render(&study::page(study, identified, bench, recordings))
+}
+
+/// The HTML text of an experiment. Fails only on a defect.
+pub fn experiment(campaign: &Campaign, seed: u64) -> Result<String> {
+    render(&trials::page(campaign, seed))
 }
 
 fn render(page: &Page) -> Result<String> {

@@ -57,7 +57,7 @@ fn parameters() -> Parameters<Number> {
             method,
             driver,
             share: thousandths(1000),
-            slope: thousandths(2400),
+            slope: thousandths(1200),
             crossing: thousandths(20),
         },
         adaptation: Adaptation {

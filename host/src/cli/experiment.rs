@@ -1,0 +1,137 @@
+//! `bristle experiment`
+
+use std::path::PathBuf;
+
+use clap::Args;
+use serde::Serialize;
+
+use super::diagnose::json;
+use super::output::{self, Outputs};
+use super::terminal::Meter;
+use super::{DONE, Outcome, terminal};
+use crate::error::Error;
+use crate::format::significant;
+use crate::report;
+use crate::trials::{self, Campaign, Claim, Experiment, Summary, Trial, Verdict};
+
+/// Run one of the source's experiments on many plants, with and without adaptation of friction
+///
+/// Each plant is drawn from the seed, its friction changes under way, and every way to control it runs on the same plant
+/// with the same disturbance, under the controller of the firmware. Prints and reports tracking errors, settling,
+/// standstill, effort and time of convergence, and what was reached.
+#[derive(Args, Debug)]
+pub(super) struct Command {
+    /// Which experiment
+    #[arg(value_enum)]
+    experiment: Experiment,
+    /// How many plants
+    #[arg(long, value_name = "N", default_value_t = 50)]
+    plants: u64,
+    /// What plants and disturbances are drawn from
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Where to write the report
+    #[arg(long, value_name = "OUT.html")]
+    report: Option<PathBuf>,
+    /// Where to write all figures
+    #[arg(long, value_name = "OUT.json")]
+    json: Option<PathBuf>,
+}
+
+/// What `--json` holds.
+#[derive(Serialize)]
+struct Experimented<'a> {
+    schema: &'static str,
+    experiment: Experiment,
+    seed: u64,
+    claims: Vec<Claim>,
+    summaries: Vec<Summary>,
+    plants: &'a [Trial],
+}
+
+impl Command {
+    pub fn run(&self) -> Outcome {
+        output::check(&[], &[self.report.as_ref(), self.json.as_ref()])?;
+        if self.plants == 0 {
+            return Err(Error::Usage(
+                "--plants 0 runs nothing; ask for at least one".to_owned(),
+            ));
+        }
+        let progress = Meter::new();
+        progress.say("running plants");
+        let campaign = trials::run(self.experiment, self.plants, self.seed)?;
+        progress.finish();
+        let experimented = Experimented {
+            schema: "bristle.experiment/1",
+            experiment: self.experiment,
+            seed: self.seed,
+            claims: campaign.claims(),
+            summaries: summaries(&campaign),
+            plants: &campaign.trials,
+        };
+        let mut outputs = Outputs::default();
+        outputs.add(self.json.as_ref(), || json(&experimented))?;
+        outputs.add(self.report.as_ref(), || {
+            report::experiment(&campaign, self.seed)
+        })?;
+        let written = outputs.write()?;
+        print(&experimented);
+        terminal::written(&written);
+        Ok(DONE)
+    }
+}
+
+fn summaries(campaign: &Campaign) -> Vec<Summary> {
+    let ways = campaign.ways();
+    ways.into_iter()
+        .filter_map(|way| campaign.summary(way))
+        .collect()
+}
+
+fn print(e: &Experimented) {
+    anstream::println!(
+        "{} plants, seed {}; medians over all plants",
+        e.plants.len(),
+        e.seed
+    );
+    anstream::println!(
+        "{:<30} {:>11} {:>11} {:>8} {:>9} {:>9} {:>9}",
+        "friction",
+        "RMS error",
+        "peak error",
+        "factor",
+        "rise",
+        "settling",
+        "effort"
+    );
+    let or_none = |x: Option<trials::Spread>| {
+        x.map_or_else(
+            || "–".to_owned(),
+            |x| format!("{} s", significant(x.median, 3)),
+        )
+    };
+    for s in &e.summaries {
+        anstream::println!(
+            "{:<30} {:>11} {:>11} {:>8} {:>9} {:>9} {:>9}",
+            s.way.name(),
+            significant(s.rms.median, 3),
+            significant(s.peak.median, 3),
+            significant(s.gain.median, 3),
+            or_none(s.rise),
+            or_none(s.settling),
+            significant(s.effort.median, 3)
+        );
+    }
+    for claim in &e.claims {
+        let mark = match claim.verdict {
+            Verdict::Reached => "reached",
+            Verdict::Missed => "MISSED ",
+        };
+        anstream::println!(
+            "{mark}  {} — {}: {}",
+            claim.way.name(),
+            claim.claim,
+            claim.found
+        );
+    }
+}

@@ -1,0 +1,457 @@
+//! The page of an experiment: with and without adaptation, side by side.
+
+use super::page::{Band, Figure, Item, Page, Plot, Role, Section, Style, Table};
+use super::thin::thin;
+use crate::format::{quantity, scaled_unit, significant, unit};
+use crate::servo::{Aim, Sample};
+use crate::trials::{Campaign, Claim, Experiment, Shown, Spread, Summary, Verdict, Way};
+
+/// Points of a series over time.
+const POINTS: usize = 4000;
+
+/// What an experiment is called and measured in.
+struct Words {
+    title: &'static str,
+    what: &'static str,
+    /// What is tracked, its unit, and those of command and friction level.
+    tracked: &'static str,
+    si: &'static str,
+    command: &'static str,
+    level: &'static str,
+}
+
+fn words(experiment: Experiment) -> Words {
+    match experiment {
+        Experiment::Srv02 => Words {
+            title: "Angular position of the SRV02 with on-line Coulomb estimation",
+            what: "A geared servo from the public data of the Quanser SRV02, each with a load, a viscous coefficient and a friction level of its own around 30 % of rated torque. Friction changes twice. A slow sine, then a slow triangle, a step, and a move back to a standstill.",
+            tracked: "position",
+            si: "rad",
+            command: "V",
+            level: "N*m",
+        },
+        Experiment::DcMotor => Words {
+            title: "Angular velocity of a DC motor with Dahl friction, adapted by DBI off-line",
+            what: "A motor under voltage whose friction, around 30 % of rated torque, acts through bristles of known stiffness. Friction changes with the second of three stretches of a slow sine and a slow triangle in velocity; DBI sees the second stretch, and the third is judged.",
+            tracked: "velocity",
+            si: "rad/s",
+            command: "V",
+            level: "N*m",
+        },
+        Experiment::MassSpring => Words {
+            title: "A mass on a spring with friction, tuned by its own identification",
+            what: "A controller that starts from catalogue values. DBI sees each stretch, and where its status allows, both the friction model and the gains are computed anew. Mass, spring and friction change after the second stretch; the last stretch is judged.",
+            tracked: "position",
+            si: "m",
+            command: "N",
+            level: "N",
+        },
+    }
+}
+
+/// The page.
+pub(super) fn page(campaign: &Campaign, seed: u64) -> Page {
+    let words = words(campaign.experiment);
+    let claims = campaign.claims();
+    let summaries: Vec<Summary> = campaign
+        .ways()
+        .into_iter()
+        .filter_map(|way| campaign.summary(way))
+        .collect();
+    Page {
+        title: words.title.to_owned(),
+        facts: vec![
+            [
+                "Plants".to_owned(),
+                format!("{}, drawn from seed {seed}", campaign.trials.len()),
+            ],
+            [
+                "Controller".to_owned(),
+                format!(
+                    "that of the firmware in single precision at {:.0} Hz",
+                    1.0 / campaign.period
+                ),
+            ],
+        ],
+        verdict: None,
+        warnings: Vec::new(),
+        figures: figures(&summaries, &words),
+        figures_note: "Medians over all plants.".to_owned(),
+        sections: vec![
+            Section {
+                title: "What was to be reached".to_owned(),
+                items: vec![Item::Table(claim_table(&claims))],
+            },
+            Section {
+                title: "With and without, over all plants".to_owned(),
+                items: over_plants(campaign, &summaries, &words),
+            },
+            Section {
+                title: "One plant".to_owned(),
+                items: one_plant(campaign, &words),
+            },
+            Section {
+                title: "What DBI said".to_owned(),
+                items: vec![dbi(campaign)],
+            },
+            method(&words),
+        ],
+    }
+}
+
+fn figures(summaries: &[Summary], words: &Words) -> Vec<Figure> {
+    let Some((alone, rest)) = summaries.split_first() else {
+        return Vec::new();
+    };
+    let in_unit = |x: f64| {
+        let (factor, unit) = scaled_unit(x, words.si);
+        quantity(factor * x, &unit)
+    };
+    rest.iter()
+        .map(|s| Figure {
+            label: format!("RMS error, {}", s.way.name()),
+            before: Some(in_unit(alone.rms.median)),
+            after: in_unit(s.rms.median),
+            note: format!(
+                "a factor of {}, plant by plant",
+                significant(s.gain.median, 3)
+            ),
+        })
+        .collect()
+}
+
+fn claim_table(claims: &[Claim]) -> Table {
+    Table {
+        columns: ["Friction", "Claim", "Found", "Verdict"]
+            .map(str::to_owned)
+            .to_vec(),
+        rows: claims
+            .iter()
+            .map(|c| {
+                let verdict = match c.verdict {
+                    Verdict::Reached => "reached",
+                    Verdict::Missed => "missed",
+                };
+                vec![
+                    c.way.name().to_owned(),
+                    c.claim.to_owned(),
+                    c.found.clone(),
+                    verdict.to_owned(),
+                ]
+            })
+            .collect(),
+    }
+}
+
+fn over_plants(campaign: &Campaign, summaries: &[Summary], words: &Words) -> Vec<Item> {
+    let spread = |s: Spread, si: &str| {
+        let (factor, name) = scaled_unit(s.median, si);
+        format!(
+            "{} ({} to {}) {}",
+            significant(factor * s.median, 3),
+            significant(factor * s.least, 3),
+            significant(factor * s.most, 3),
+            unit(&name)
+        )
+    };
+    let none = || "–".to_owned();
+    let rows: [(&str, &dyn Fn(&Summary) -> String); 10] = [
+        ("RMS error", &|s| spread(s.rms, words.si)),
+        ("Peak error", &|s| spread(s.peak, words.si)),
+        ("RMS error without over with", &|s| spread(s.gain, "")),
+        ("The same throughout, changes and all", &|s| {
+            spread(s.gain_throughout, "")
+        }),
+        ("RMS of the command", &|s| spread(s.effort, words.command)),
+        ("Rise of a step, 10 to 90 %", &|s| {
+            s.rise.map_or_else(none, |x| spread(x, "s"))
+        }),
+        ("Settling of a step within 2 %", &|s| {
+            s.settling.map_or_else(none, |x| spread(x, "s"))
+        }),
+        ("Error at standstill", &|s| {
+            s.standstill.map_or_else(none, |x| spread(x, "counts"))
+        }),
+        ("Plants that hunt", &|s| {
+            s.hunting.map_or_else(none, |n| n.to_string())
+        }),
+        ("Time to converge", &|s| {
+            s.convergence.map_or_else(none, |x| spread(x, "s"))
+        }),
+    ];
+    let mut columns = vec!["Median (least to most)".to_owned()];
+    columns.extend(summaries.iter().map(|s| s.way.name().to_owned()));
+    let table = Table {
+        columns,
+        rows: rows
+            .iter()
+            .map(|(name, text)| {
+                std::iter::once((*name).to_owned())
+                    .chain(summaries.iter().map(text))
+                    .collect()
+            })
+            .collect(),
+    };
+    let ways = campaign.ways().into_iter().skip(1);
+    let plots = ways.map(|way| plants_plot(campaign, way, words));
+    vec![
+        Item::Table(table),
+        Item::Plots {
+            plots: plots.collect(),
+        },
+    ]
+}
+
+/// RMS errors plant by plant, ordered by that without.
+fn plants_plot(campaign: &Campaign, way: Way, words: &Words) -> Plot {
+    let mut pairs: Vec<(f64, f64)> = campaign
+        .trials
+        .iter()
+        .filter_map(|t| {
+            Some((
+                t.merits.first()?.rms,
+                t.merits.iter().find(|m| m.way == way)?.rms,
+            ))
+        })
+        .collect();
+    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let largest = pairs.iter().map(|p| p.0.max(p.1)).fold(0.0, f64::max);
+    let (factor, name) = scaled_unit(largest, words.si);
+    let mut plot = Plot {
+        title: way.name().to_owned(),
+        caption: "RMS error of each plant, ordered by that without.".to_owned(),
+        x_label: "plant".to_owned(),
+        y_label: format!("RMS error [{}]", unit(&name)),
+        height: 240,
+        x: (1..=pairs.len()).map(|k| k as f64).collect(),
+        limit: Some([0.0, 1.05 * factor * largest]),
+        ..Plot::default()
+    };
+    plot.push(
+        "without",
+        Role::Before,
+        Style::Dots,
+        pairs.iter().map(|p| factor * p.0).collect(),
+    );
+    plot.push(
+        "with",
+        Role::After,
+        Style::Dots,
+        pairs.iter().map(|p| factor * p.1).collect(),
+    );
+    plot
+}
+
+fn one_plant(campaign: &Campaign, words: &Words) -> Vec<Item> {
+    let Some((alone, rest)) = campaign.shown.split_first() else {
+        return vec![Item::text("No plant was run.")];
+    };
+    let mut items = vec![Item::text(format!(
+        "{} Shaded: the times that are judged. Friction changes at {}.",
+        words.what,
+        campaign
+            .changes
+            .iter()
+            .map(|t| format!("{t:.0} s"))
+            .collect::<Vec<_>>()
+            .join(" and ")
+    ))];
+    let aim = |s: &Sample| match s.aim {
+        Aim::Position { q, .. } => q,
+        Aim::Velocity { v, .. } => v,
+    };
+    let did = |s: &Sample| match s.aim {
+        Aim::Position { .. } => s.truth.q,
+        Aim::Velocity { .. } => s.truth.v,
+    };
+    for shown in rest {
+        let what = shown.way.name();
+        items.push(Item::heading(format!(
+            "{}{}",
+            what[..1].to_uppercase(),
+            &what[1..]
+        )));
+        let mut plots = vec![
+            plot(
+                campaign,
+                words.tracked,
+                words.si,
+                &[
+                    ("set point", Role::Measured, series(shown, aim)),
+                    ("without", Role::Before, series(alone, did)),
+                    ("with", Role::After, series(shown, did)),
+                ],
+            ),
+            plot(
+                campaign,
+                &format!("{} error", words.tracked),
+                words.si,
+                &[
+                    ("without", Role::Before, series(alone, |s| aim(s) - did(s))),
+                    ("with", Role::After, series(shown, |s| aim(s) - did(s))),
+                ],
+            ),
+            plot(
+                campaign,
+                "command",
+                words.command,
+                &[
+                    (
+                        "without",
+                        Role::Before,
+                        series(alone, |s| f64::from(s.output.command)),
+                    ),
+                    (
+                        "with",
+                        Role::After,
+                        series(shown, |s| f64::from(s.output.command)),
+                    ),
+                ],
+            ),
+            plot(
+                campaign,
+                "Coulomb level",
+                words.level,
+                &[
+                    ("truth", Role::Measured, campaign.truth.clone()),
+                    (
+                        "in the controller",
+                        Role::After,
+                        series(shown, |s| f64::from(s.output.coulomb)),
+                    ),
+                ],
+            ),
+        ];
+        // Steps of the set point would leave nothing of the rest to see.
+        if let Some(error) = plots.get_mut(1) {
+            error.limit = tracking_range(campaign, alone, &|s| aim(s) - did(s));
+        }
+        items.extend(
+            plots
+                .into_iter()
+                .map(|plot| Item::Plots { plots: vec![plot] }),
+        );
+    }
+    items
+}
+
+/// What an error of tracking spans, in the unit of its plot.
+fn tracking_range(
+    campaign: &Campaign,
+    shown: &Shown,
+    error: &dyn Fn(&Sample) -> f64,
+) -> Option<[f64; 2]> {
+    let end = campaign.judged.last()?[1];
+    let tracked = shown.samples.iter().take((end / campaign.period) as usize);
+    let most = tracked.map(|s| error(s).abs()).fold(0.0, f64::max);
+    let all = shown
+        .samples
+        .iter()
+        .map(|s| error(s).abs())
+        .fold(0.0, f64::max);
+    let (factor, _) = scaled_unit(all, "rad");
+    Some([-1.1 * factor * most, 1.1 * factor * most])
+}
+
+fn series(shown: &Shown, value: impl Fn(&Sample) -> f64) -> Vec<f64> {
+    shown.samples.iter().map(value).collect()
+}
+
+/// A plot over time, thinned, in a convenient unit.
+fn plot(campaign: &Campaign, title: &str, si: &str, series: &[(&str, Role, Vec<f64>)]) -> Plot {
+    let largest = series
+        .iter()
+        .flat_map(|(.., y)| y)
+        .fold(0.0_f64, |m, y| m.max(y.abs()));
+    let (factor, name) = scaled_unit(largest, si);
+    let n = series.iter().map(|(.., y)| y.len()).min().unwrap_or(0);
+    let t: Vec<f64> = (0..n).map(|k| k as f64 * campaign.period).collect();
+    let values: Vec<Vec<f64>> = series
+        .iter()
+        .map(|(.., y)| y[..n].iter().map(|y| factor * y).collect())
+        .collect();
+    let (x, values) = thin(&t, &values, POINTS);
+    let mut plot = Plot {
+        title: title.to_owned(),
+        x_label: "time [s]".to_owned(),
+        y_label: format!("{title} [{}]", unit(&name)),
+        height: 200,
+        x,
+        group: Some("time".to_owned()),
+        bands: campaign
+            .judged
+            .iter()
+            .map(|&[from, to]| Band {
+                from,
+                to,
+                held_out: true,
+                label: "judged".to_owned(),
+            })
+            .collect(),
+        ..Plot::default()
+    };
+    for ((label, role, _), y) in series.iter().zip(values) {
+        plot.push(label, *role, Style::Line, y);
+    }
+    plot
+}
+
+fn dbi(campaign: &Campaign) -> Item {
+    let asked = campaign
+        .trials
+        .iter()
+        .map(|t| t.identified.len())
+        .max()
+        .unwrap_or(0);
+    let rows = (0..asked).map(|k| {
+        let all = || {
+            campaign
+                .trials
+                .iter()
+                .filter_map(move |t| t.identified.get(k))
+        };
+        let ratio = Spread::of(all().map(|(ratio, _)| *ratio).filter(|r| r.is_finite()));
+        let identified = all().filter(|(_, status)| status == "identified").count();
+        vec![
+            format!("{}", k + 1),
+            ratio.map_or_else(
+                || "–".to_owned(),
+                |r| {
+                    format!(
+                        "{} ({} to {})",
+                        significant(r.median, 3),
+                        significant(r.least, 3),
+                        significant(r.most, 3)
+                    )
+                },
+            ),
+            format!("{identified} of {}", all().count()),
+        ]
+    });
+    Item::Table(Table {
+        columns: [
+            "Asked",
+            "Coulomb level over truth, median (least to most)",
+            "Status: identified",
+        ]
+        .map(str::to_owned)
+        .to_vec(),
+        rows: rows.collect(),
+    })
+}
+
+fn method(words: &Words) -> Section {
+    Section {
+        title: "Method".to_owned(),
+        items: vec![Item::List {
+            points: vec![
+                words.what.to_owned(),
+                "Without: the same controller, gains and observer, with no torque against friction and nothing learned. Both have the same integral action, acceleration feed-forward, encoder, disturbance and limits.".to_owned(),
+                "Errors are those of the plant's true motion, not of the encoder's.".to_owned(),
+                "Converged: the level in the controller stays within 10 % of the truth until the next change.".to_owned(),
+                "Standstill: the error by the encoder over the last second; an axis that still moves by more than a count in it hunts.".to_owned(),
+                format!("Written by Bristle {}.", env!("CARGO_PKG_VERSION")),
+            ],
+        }],
+    }
+}

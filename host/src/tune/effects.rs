@@ -1,0 +1,112 @@
+//! What a model has beyond its friction law, in the words of the controller.
+
+use std::f64::consts::TAU;
+
+use bristle_core::control::{Backlash, Effects, Harmonic, WAVES};
+
+use super::Drive;
+use crate::error::{Error, Result};
+use crate::model::{Model, Motion, Term};
+
+/// Effects that a controller has an answer to, or that need none.
+pub(super) fn of(model: &Model, drive: &Drive, count: f64) -> Result<Effects<f64>> {
+    let mut effects = Effects {
+        stiffness: drive.stiffness,
+        ..Effects::NONE
+    };
+    let mut waves = 0;
+    for term in model.terms.iter().filter(|term| !term.in_law) {
+        let value = |k: usize| term.parameters[k].value.unwrap_or_default();
+        match term.effect.id() {
+            "direction-asymmetry" => effects.offset += value(0),
+            "viscous-asymmetry" => effects.viscous_difference += value(0),
+            "spring" => effects.stiffness += value(0),
+            "gravity" => place(
+                &mut effects,
+                &mut waves,
+                harmonic(1.0 / TAU, count, value(0), value(1)),
+            )?,
+            "cogging" => {
+                let periods = value(2) / turn(model);
+                place(
+                    &mut effects,
+                    &mut waves,
+                    harmonic(periods, count, value(0), value(1)),
+                )?;
+            }
+            "position-dependent-friction" => effects.friction = friction_wave(term, count),
+            "backlash" => {
+                effects.backlash = Backlash {
+                    inertia: value(0),
+                    gap: value(1) / count,
+                    speed: 0.0,
+                }
+            }
+            _ => {}
+        }
+    }
+    Ok(effects)
+}
+
+/// rad or m to a turn or a metre.
+fn turn(model: &Model) -> f64 {
+    match model.motion {
+        Motion::Rotary => TAU,
+        Motion::Linear => 1.0,
+    }
+}
+
+fn place(effects: &mut Effects<f64>, waves: &mut usize, wave: Harmonic<f64>) -> Result<()> {
+    let free = effects.waves.get_mut(*waves);
+    let Some(free) = free else {
+        return Err(Error::Usage(format!(
+            "the model has more than {WAVES} waves over position, and a controller compensates {WAVES}; leave out the smallest"
+        )));
+    };
+    *free = wave;
+    *waves += 1;
+    Ok(())
+}
+
+/// `amplitude·sin(2π·periods·q + phase)` with `periods` per rad or m.
+fn harmonic(periods: f64, count: f64, amplitude: f64, phase: f64) -> Harmonic<f64> {
+    let cycle = (periods * count).rem_euclid(1.0) * 4_294_967_296.0;
+    Harmonic {
+        cycle: cycle.round() as u64 as u32,
+        sine: amplitude * phase.cos(),
+        cosine: amplitude * phase.sin(),
+    }
+}
+
+/// `position-dependent-friction`: amplitude, phase and wavelength, found by their names.
+fn friction_wave(term: &Term, count: f64) -> Harmonic<f64> {
+    let specs = term.effect.parameters().iter().zip(&term.parameters);
+    let named = |name: &str| {
+        let mut specs = specs.clone();
+        let found = specs.find(|(spec, _)| spec.name == name);
+        found.and_then(|(_, p)| p.value).unwrap_or_default()
+    };
+    let wavelength = named("wavelength");
+    if wavelength <= 0.0 {
+        return Harmonic::NONE;
+    }
+    harmonic(1.0 / wavelength, count, named("amplitude"), named("phase"))
+}
+
+/// Effects of a model that a controller does not compensate, by their ids.
+pub fn left_alone(model: &Model) -> Vec<&'static str> {
+    const ANSWERED: [&str; 8] = [
+        "direction-asymmetry",
+        "viscous-asymmetry",
+        "spring",
+        "gravity",
+        "cogging",
+        "position-dependent-friction",
+        "backlash",
+        // The inertia that takes the given one's place is the one that is used.
+        "inertia-mismatch",
+    ];
+    let own = model.terms.iter().filter(|term| !term.in_law);
+    let ids = own.map(|term| term.effect.id());
+    ids.filter(|id| !ANSWERED.contains(id)).collect()
+}

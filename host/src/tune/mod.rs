@@ -1,0 +1,334 @@
+//! From a model and a bandwidth to the parameters of a controller.
+
+mod effects;
+mod margins;
+
+pub use effects::left_alone;
+pub use margins::{Margins, margins};
+
+use bristle_core::control::{
+    Adaptation, Compensation, Driver, Friction, Learning, Method, Parameters,
+};
+use bristle_core::friction::Curve;
+
+use crate::error::{Error, Result};
+use crate::model::{Causality, Kind, Law, Model, Motion};
+use crate::plant::{DcMotor, geared_servo};
+
+/// What the owner of an axis asks for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wish {
+    /// Frequency up to which the position follows its set point (−3 dB), Hz, friction and the integral aside.
+    pub bandwidth: f64,
+    /// Samples a second.
+    pub rate: f64,
+    /// Encoder counts a turn or a metre.
+    pub counts: f64,
+    /// Largest `|u|`.
+    pub limit: f64,
+}
+
+/// An axis as a controller sees it: `J·q̈ = gain·(u − back_emf·q̇) − …`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drive {
+    /// `J`, kg·m² or kg.
+    pub inertia: f64,
+    /// Torque or force per unit of `u`.
+    pub gain: f64,
+    /// What velocity takes off `u`.
+    pub back_emf: f64,
+    /// Torque or force per displacement that holds the axis at zero.
+    pub stiffness: f64,
+}
+
+/// `−3 dB` of a double pole `p²/(s + p)²` is at `√(√2 − 1)·p`.
+const DOUBLE_POLE: f64 = 0.643_594_252_905_582_6;
+/// How much faster the observer is than the loop that uses it.
+const OBSERVER: f64 = 8.0;
+/// Fastest rate at which the observer's Coulomb level is learned, 1/s: four time constants are well within the half of a
+/// second in which a slow motion shows one direction.
+const FASTEST_LEARNING: f64 = 10.0;
+
+/// Share of the prior of `bristle_core::control::Adaptation` that returns after a row. With the prior `P₀ = 16`, in units of
+/// a row's noise, the variance comes to rest at `P = (1 − f)·P/(1 + P) + f·P₀`, which for this share is 1/3: of what a row
+/// says a quarter is believed, so that a change is learned within ten rows and their noise is halved and more.
+const FORGOTTEN: f64 = 0.005;
+
+impl Drive {
+    /// The drive of a model; says which values are missing. The armature of a motor is taken as its resistance alone: its
+    /// current follows the voltage within a fraction of a millisecond.
+    pub fn of(model: &Model) -> Result<Self> {
+        if model.causality == Causality::Inverse {
+            return Err(Error::Usage(
+                "a model with causality = \"inverse\" has no drive to tune; tune a model that u drives"
+                    .to_owned(),
+            ));
+        }
+        crate::axis::complete(model)?;
+        let value = |k: usize| model.parameters()[k].value.unwrap_or_default();
+        let inertia = value(model.moving_inertia());
+        let drive = match model.kind {
+            Kind::Axis | Kind::MassSpring => Self {
+                inertia,
+                gain: value(1),
+                back_emf: model.back_emf(),
+                stiffness: match model.kind {
+                    Kind::MassSpring => model.constant("plant.stiffness"),
+                    _ => 0.0,
+                },
+            },
+            Kind::DcMotor => Self::motor(&DcMotor::new(model)?),
+            Kind::GearedServo => Self::motor(&geared_servo(model)?),
+            Kind::WheelSlip => {
+                return Err(Error::Usage(
+                    "plant.kind = \"wheel-slip\" has no position to control; tune an axis, a motor or a mass-spring"
+                        .to_owned(),
+                ));
+            }
+        };
+        if drive.inertia > 0.0 && drive.gain != 0.0 {
+            return Ok(drive);
+        }
+        Err(Error::Usage(format!(
+            "inertia {} and gain {} cannot be tuned for: the one must be positive and the other not zero",
+            drive.inertia, drive.gain
+        )))
+    }
+
+    fn motor(motor: &DcMotor) -> Self {
+        let gain = motor.axis.gain;
+        Self {
+            inertia: motor.axis.inertia,
+            gain: gain * motor.torque_constant / motor.resistance,
+            back_emf: motor.back_emf / gain,
+            stiffness: 0.0,
+        }
+    }
+}
+
+impl Wish {
+    /// Refuses what makes no sense by itself.
+    fn check(&self) -> Result<()> {
+        let all = [
+            ("--bandwidth", self.bandwidth),
+            ("--rate", self.rate),
+            ("--counts", self.counts),
+            ("--limit", self.limit),
+        ];
+        match all.into_iter().find(|(_, x)| !(*x > 0.0 && x.is_finite())) {
+            Some((name, value)) => Err(Error::Usage(format!(
+                "{name} {value} must be a positive number"
+            ))),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The parameters of a controller for a model: a cascade whose position loop has a double pole at `p`, where `p/(2π)` is the
+/// bandwidth over `√(√2 − 1)`.
+///
+/// `kp = p/2`, `kv = 2·J·p` and `ki = kv·p/4`; the observer is eight times as fast, which costs little phase. Friction is
+/// compensated with the law of the model, by its bristles if it has them, driven by the set point, and with the steepest
+/// correction towards it that [`Compensation`] calls safe. The Coulomb level is learned at a sixteenth of the
+/// observer's bandwidth at most, where the three are well damped.
+pub fn parameters(model: &Model, wish: &Wish) -> Result<Parameters<f64>> {
+    wish.check()?;
+    let drive = Drive::of(model)?;
+    let pole = std::f64::consts::TAU * wish.bandwidth / DOUBLE_POLE;
+    let period = 1.0 / wish.rate;
+    let turn = if model.motion == Motion::Rotary {
+        std::f64::consts::TAU
+    } else {
+        1.0
+    };
+    let count = turn / wish.counts;
+    let velocity_gain = 2.0 * drive.inertia * pole;
+    let observer_bandwidth = OBSERVER * pole;
+    let friction = friction(model);
+    let torque_limit = (drive.gain * wish.limit).abs();
+    let bristles = model.bristle_term().is_some();
+    let found = Parameters {
+        period,
+        count,
+        inertia: drive.inertia,
+        gain: drive.gain,
+        back_emf: drive.back_emf,
+        command_limit: wish.limit,
+        torque_limit,
+        observer_bandwidth,
+        position_gain: 0.5 * pole,
+        velocity_gain,
+        velocity_integral: 0.25 * velocity_gain * pole,
+        friction,
+        compensation: Compensation {
+            method: if bristles {
+                Method::Bristles
+            } else {
+                Method::Static
+            },
+            driver: if bristles {
+                Driver::Desired
+            } else {
+                Driver::Command
+            },
+            share: 1.0,
+            // As steep as is safe, with room for rounding to single precision.
+            slope: 0.999 * velocity_gain,
+            crossing: 0.125 * count * pole,
+        },
+        adaptation: Adaptation {
+            method: Learning::Observer,
+            speed: 0.25 * count * observer_bandwidth,
+            lowest: 0.0,
+            highest: torque_limit,
+            rate: (observer_bandwidth / 16.0).min(FASTEST_LEARNING),
+            window: 40.0 / observer_bandwidth,
+            forgotten: FORGOTTEN,
+            offset: 0.3,
+        },
+        effects: effects::of(model, &drive, count)?,
+    };
+    found.check().map_err(|invalid| {
+        Error::Usage(format!(
+            "{} comes out of range for this model and --bandwidth {} Hz at --rate {} Hz; ask for less bandwidth or check the model",
+            invalid.parameter, wish.bandwidth, wish.rate
+        ))
+    })?;
+    Ok(found)
+}
+
+/// The friction law of a model in the words of the controller.
+fn friction(model: &Model) -> Friction<f64> {
+    let value = |p: &crate::model::Parameter| p.value.unwrap_or_default();
+    let coulomb = value(&model.coulomb).max(0.0);
+    let own = |name: &str| {
+        let labels = model.labels();
+        let at = labels.iter().position(|l| l.name == name)?;
+        model.parameters()[at].value
+    };
+    let constant = |name: &str| {
+        let value = model.constant(&format!("friction.{name}"));
+        value.is_finite().then_some(value)
+    };
+    let named = |name: &str| own(name).or_else(|| constant(name));
+    Friction {
+        coulomb,
+        viscous: value(&model.viscous).max(0.0),
+        static_level: named("static").unwrap_or(coulomb).max(coulomb),
+        stribeck_velocity: named("stribeck_velocity").unwrap_or(1.0),
+        curve: if model.law == Law::ModifiedLuGre {
+            Curve::Rational
+        } else {
+            Curve::Exponential
+        },
+        bristle_stiffness: named("bristle_stiffness").unwrap_or(1.0),
+        bristle_damping: named("bristle_damping").unwrap_or(0.0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Drive, Wish, margins, parameters};
+    use crate::model::Model;
+
+    const WISH: Wish = Wish {
+        bandwidth: 6.0,
+        rate: 1000.0,
+        counts: 4096.0,
+        limit: 6.0,
+    };
+
+    fn model(effects: &str) -> Model {
+        let text = format!(
+            "[plant]\nmotion = \"rotary\"\ninput = \"voltage\"\ngain = 0.13\nback_emf = 0.54\ninertia = 0.002\n[friction]\nmodel = \"stribeck\"\ncoulomb = 0.1\nviscous = 0.015\nstatic = 0.13\nstribeck_velocity = 0.2\n{effects}"
+        );
+        Model::parse(&text).unwrap()
+    }
+
+    #[test]
+    fn gains_follow_their_equations() {
+        let found = parameters(&model(""), &WISH).unwrap();
+        let pole = std::f64::consts::TAU * 6.0 / (2.0_f64.sqrt() - 1.0).sqrt();
+        assert!((found.position_gain / (0.5 * pole) - 1.0).abs() < 1e-12);
+        assert!((found.velocity_gain / (2.0 * 0.002 * pole) - 1.0).abs() < 1e-12);
+        assert_eq!(
+            (
+                found.friction.static_level,
+                found.friction.stribeck_velocity
+            ),
+            (0.13, 0.2)
+        );
+        assert!(found.is_valid() && found.scaled::<f32>(&si()).is_ok());
+    }
+
+    pub(super) fn si() -> bristle_core::friction::Units {
+        bristle_core::friction::Units {
+            force: 1.0,
+            position: 1.0,
+            velocity: 1.0,
+        }
+    }
+
+    #[test]
+    fn the_manual_gives_the_drive_of_the_srv02() {
+        let text = include_str!("../../examples/srv02.toml");
+        let drive = Drive::of(&Model::parse(text).unwrap()).unwrap();
+        // 1.53 rad/s per volt at steady speed without friction, 1/(N·ke).
+        assert!((1.0 / drive.back_emf - 1.0 / (70.0 * 7.68e-3)).abs() < 1e-9);
+        assert!((drive.gain - 0.9 * 0.69 * 70.0 * 7.68e-3 / 2.6).abs() < 1e-12);
+        assert!((drive.inertia - 2.09e-3).abs() < 0.01e-3);
+    }
+
+    #[test]
+    fn what_makes_no_sense_is_refused_with_its_option() {
+        for (wish, option) in [
+            (
+                Wish {
+                    bandwidth: 0.0,
+                    ..WISH
+                },
+                "--bandwidth",
+            ),
+            (
+                Wish {
+                    counts: f64::NAN,
+                    ..WISH
+                },
+                "--counts",
+            ),
+            (
+                Wish {
+                    limit: -1.0,
+                    ..WISH
+                },
+                "--limit",
+            ),
+        ] {
+            assert!(
+                parameters(&model(""), &wish)
+                    .err()
+                    .unwrap()
+                    .to_string()
+                    .contains(option)
+            );
+        }
+        let unknown =
+            Model::parse("[plant]\nmotion = \"rotary\"\ninertia = \"?\"\n[friction]\n").unwrap();
+        assert!(
+            parameters(&unknown, &WISH)
+                .err()
+                .unwrap()
+                .to_string()
+                .contains("inertia")
+        );
+    }
+
+    #[test]
+    fn more_bandwidth_costs_margin() {
+        let at =
+            |bandwidth: f64| margins(&parameters(&model(""), &Wish { bandwidth, ..WISH }).unwrap());
+        let (slow, fast) = (at(2.0), at(30.0));
+        assert!(slow.phase > fast.phase && slow.delay > fast.delay);
+        assert!(slow.phase > 45.0 && slow.gain.unwrap() > 2.0, "{slow:?}");
+    }
+}
