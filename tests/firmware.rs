@@ -19,10 +19,10 @@ use bristle_core::drive::signal::{Selection, Signal};
 use bristle_core::drive::store::checksum;
 use bristle_core::drive::{Fault, Parameters, Refusal, Sample, State};
 use bristle_core::link::{Answer, Command, Counters, Deframer, Injection, Packet, Report, decode};
-use emulator::{booted, images, runnable_images};
+use emulator::{Calls, booted, images, runnable_images};
 use object::elf::PT_LOAD;
 use object::read::elf::{ElfFile32, ProgramHeader};
-use object::{Endianness, Object, ObjectSection, SectionFlags, SectionKind, elf};
+use object::{Endianness, Object, ObjectSection, ObjectSymbol, SectionFlags, SectionKind, elf};
 
 const SENSORS: Sensors = Sensors {
     count: std::f64::consts::TAU / 16384.0,
@@ -61,7 +61,9 @@ fn parameters() -> Parameters<f32> {
 /// A board that is set up and on.
 fn running(transport: Transport, parameters: Parameters<f32>) -> Option<Board<f32>> {
     let mut board = booted(transport)?;
-    board.tell(Command::Set(parameters)).expect("valid parameters");
+    board
+        .tell(Command::Set(parameters))
+        .expect("valid parameters");
     board.tell(Command::Enable).expect("nothing is wrong");
     Some(board)
 }
@@ -98,7 +100,10 @@ fn run(driver: &mut dyn Driver<f32>, samples: usize) -> Outcome<f32> {
 fn assert_same(board: &Outcome<f32>, host: &Outcome<f32>) {
     for (k, (b, h)) in board.periods.iter().zip(&host.periods).enumerate() {
         let same = b.input.to_bits() == h.input.to_bits();
-        assert!(same && b.bridge == h.bridge && b.faults == h.faults, "{k}: {b:?}, {h:?}");
+        assert!(
+            same && b.bridge == h.bridge && b.faults == h.faults,
+            "{k}: {b:?}, {h:?}"
+        );
     }
     assert_eq!(board.periods.len(), host.periods.len());
     assert_eq!(board.record.u, host.record.u);
@@ -115,7 +120,9 @@ fn ten_seconds_in_closed_loop_equal_the_hosts_bit_for_bit() {
     assert_same(&board, &host);
     // It is control and not noise: the axis follows to a hundredth of its travel.
     let errors = board.record.set_point.iter().zip(&board.record.q);
-    let worst = errors.skip(500).fold(0.0_f64, |m, (r, q)| m.max((r - q).abs()));
+    let worst = errors
+        .skip(500)
+        .fold(0.0_f64, |m, (r, q)| m.max((r - q).abs()));
     assert!(worst < 0.012, "{worst}");
 }
 
@@ -161,16 +168,27 @@ fn the_ring_holds_what_the_host_saw_from_the_trigger_on() {
     assert!(rows.len() > 500);
     let first = (contents.first - outcome.periods[0].number) as usize;
     for (row, k) in rows.iter().zip((first..).step_by(2)) {
-        assert_eq!(row[0], outcome.periods[k].input.to_bits(), "row of sample {k}");
+        assert_eq!(
+            row[0],
+            outcome.periods[k].input.to_bits(),
+            "row of sample {k}"
+        );
         let q = f64::from(row[1] as i32) * SENSORS.count;
         assert_eq!(q, outcome.record.q[k], "row of sample {k}");
         // The observer sees the velocity to a few counts a period.
         let v = f64::from(f32::from_bits(row[2]));
-        assert!((v - outcome.record.truth[k].v).abs() < 0.3, "row of sample {k}");
+        assert!(
+            (v - outcome.record.truth[k].v).abs() < 0.3,
+            "row of sample {k}"
+        );
     }
     // The row of the trigger is the first at or above its level, 20 rows in.
     let counts: Vec<i32> = rows.iter().map(|row| row[1] as i32).collect();
-    assert!(counts[20] >= 1000 && counts[19] < 1000, "{:?}", &counts[..22]);
+    assert!(
+        counts[20] >= 1000 && counts[19] < 1000,
+        "{:?}",
+        &counts[..22]
+    );
 }
 
 const HEALTHY: Sample = Sample {
@@ -206,9 +224,13 @@ fn periods_on(
         assert_eq!(refused, Answer::Refused(Refusal::Faulted));
         assert!(!healthy(board).bridge);
         assert_eq!(status(board).0, State::Faulted);
-        board.tell(Command::Set(parameters())).expect("parameters heal");
+        board
+            .tell(Command::Set(parameters()))
+            .expect("parameters heal");
         board.tell(Command::Clear).expect("a fault is cleared");
-        board.tell(Command::Enable).expect("nothing is wrong any more");
+        board
+            .tell(Command::Enable)
+            .expect("nothing is wrong any more");
         assert!((0..5).all(|_| healthy(board).bridge));
         return k;
     }
@@ -295,7 +317,9 @@ fn what_goes_wrong_inside_turns_the_bridge_off_as_well() {
     assert_eq!(periods_on(&mut board, Fault::Overrun, hasty), 0);
 
     let inject = |board: &mut Board<f32>, injection| {
-        board.tell(Command::Inject(injection)).expect("it is injected");
+        board
+            .tell(Command::Inject(injection))
+            .expect("it is injected");
     };
     inject(&mut board, Injection::CorruptParameter);
     assert!(periods_on(&mut board, Fault::CorruptParameters, healthy) <= 64);
@@ -309,7 +333,9 @@ fn a_hang_ends_in_a_reset_with_the_bridge_off() {
         return;
     };
     assert!(healthy(&mut board).bridge);
-    board.send(Command::Inject(Injection::Hang)).expect("the line is open");
+    board
+        .send(Command::Inject(Injection::Hang))
+        .expect("the line is open");
     board.greet().expect("the board starts anew");
     let (state, faults, _) = status(&mut board);
     assert_eq!((state, faults), (State::Faulted, vec![Fault::Watchdog]));
@@ -322,7 +348,9 @@ fn stored_parameters_survive_a_restart_and_damage_to_one_record() {
         return;
     };
     let restart = |board: &mut Board<f32>| {
-        board.send(Command::Inject(Injection::Restart)).expect("the line is open");
+        board
+            .send(Command::Inject(Injection::Restart))
+            .expect("the line is open");
         board.greet().expect("the board starts anew");
     };
     let get = |board: &mut Board<f32>| board.ask(Command::Get).expect("an answer");
@@ -345,7 +373,10 @@ fn stored_parameters_survive_a_restart_and_damage_to_one_record() {
     restart(&mut board);
     assert_eq!(get(&mut board), Answer::Parameters(Parameters::harmless()));
     let (state, faults, _) = status(&mut board);
-    assert_eq!((state, faults), (State::Faulted, vec![Fault::CorruptParameters]));
+    assert_eq!(
+        (state, faults),
+        (State::Faulted, vec![Fault::CorruptParameters])
+    );
 }
 
 #[test]
@@ -369,7 +400,11 @@ fn what_must_not_be_is_refused_by_name() {
         trigger: Trigger::Now,
         before: 0,
     };
-    refused(&mut board, Command::Record(nothing), Refusal::NothingSelected);
+    refused(
+        &mut board,
+        Command::Record(nothing),
+        Refusal::NothingSelected,
+    );
 }
 
 #[test]
@@ -378,11 +413,19 @@ fn telemetry_comes_as_chosen_and_in_step_with_the_periods() {
         return;
     };
     let selection = Selection::of(&[Signal::Input, Signal::Bus]);
-    board.tell(Command::Telemetry { selection, every: 5 }).expect("it is chosen");
+    board
+        .tell(Command::Telemetry {
+            selection,
+            every: 5,
+        })
+        .expect("it is chosen");
     let periods: Vec<Period<f32>> = (0..100).map(|_| healthy(&mut board)).collect();
     let counters = status(&mut board).2;
     let (telemetry, lost) = board.take_telemetry();
-    assert_eq!((telemetry.len(), lost, counters), (20, 0, Counters::default()));
+    assert_eq!(
+        (telemetry.len(), lost, counters),
+        (20, 0, Counters::default())
+    );
     for (frame, period) in telemetry.iter().zip(periods.iter().step_by(5)) {
         assert_eq!(frame.period, period.number);
         assert_eq!(frame.words[0], period.input.to_bits());
@@ -445,7 +488,7 @@ fn a_flood_of_commands_is_answered_in_order_or_accounted_for() {
     };
     let flood = (0..COMMANDS).map(|_| Command::Get).collect();
     board.send_all(flood).expect("the line is open");
-    // Every report makes room for one more command, which asks how many were dropped, until the numbers meet.
+    // Behind every answer to the flood one more command asks how many were dropped, until the numbers meet.
     let (mut sent, mut answered, mut dropped, mut last) = (COMMANDS, 0, 0, None);
     while answered + dropped < sent {
         let report = board.receive().expect("a report");
@@ -457,8 +500,7 @@ fn a_flood_of_commands_is_answered_in_order_or_accounted_for() {
         answered += 1;
         if let Answer::Status { counters, .. } = answer {
             dropped = counters.dropped;
-        }
-        if answered + dropped < sent {
+        } else {
             board.send(Command::Status).expect("the line is open");
             sent += 1;
         }
@@ -513,6 +555,90 @@ fn the_image_fits_its_budget() {
     }
 }
 
+/// What of an image may not be reached from the control task: panics and what leads to them.
+const PANICS: [&str; 5] = [
+    "panic",
+    "unwrap_failed",
+    "expect_failed",
+    "slice_index",
+    "_fail",
+];
+
+/// The double-precision routines of the compiler's library (ARM RTABI 4.1.2), which a processor for single precision
+/// needs a hundred instructions for.
+fn is_double(name: &str) -> bool {
+    let rest = name.strip_prefix("__aeabi_").unwrap_or_default();
+    let conversions = ["f2d", "d2f", "i2d", "ui2d", "l2d", "ul2d"];
+    rest.starts_with('d') && !rest.contains("divmod") || conversions.contains(&rest)
+}
+
+#[test]
+fn the_control_task_cannot_panic_and_nothing_computes_in_double_precision() {
+    let Some(images) = images() else { return };
+    let bytes = std::fs::read(&images.firmware).expect("the image was just built");
+    let image = object::File::parse(&*bytes).expect("the image is an ELF file");
+    let calls = Calls::of(&image);
+    // RTIC gives the task the name of its interrupt.
+    let reached = calls.reachable("ADC");
+    println!(
+        "functions that the control task can reach: {}",
+        reached.len()
+    );
+    assert!(reached.len() > 2, "{reached:?}");
+    let panics: Vec<_> = reached
+        .iter()
+        .filter(|name| PANICS.iter().any(|part| name.contains(part)))
+        .collect();
+    assert!(panics.is_empty(), "{panics:?}");
+    let doubles: Vec<&str> = image
+        .symbols()
+        .filter_map(|s| s.name().ok())
+        .filter(|name| is_double(name))
+        .collect();
+    assert!(doubles.is_empty(), "{doubles:?}");
+}
+
+/// The same search in the image that panics on purpose: it does find what it looks for.
+#[test]
+fn a_panic_that_can_be_reached_is_found() {
+    let Some(images) = images() else { return };
+    let bytes = std::fs::read(&images.panic).expect("the image was just built");
+    let image = object::File::parse(&*bytes).expect("the image is an ELF file");
+    let reached = Calls::of(&image).reachable("main");
+    assert!(
+        reached.iter().any(|name| name.contains("panic")),
+        "{reached:?}"
+    );
+}
+
+/// Counts that repeat to the instruction, whatever the machine is busy with.
+#[test]
+fn a_control_period_fits_its_budget_of_instructions() {
+    let Some(images) = runnable_images() else {
+        return;
+    };
+    let output = std::process::Command::new(emulate::QEMU)
+        .args(["-M", Launch::F405.machine, "-nographic", "-monitor", "none"])
+        .args(["-serial", "null", "-icount", "shift=0"])
+        .args(["-semihosting-config", "enable=on,target=native", "-kernel"])
+        .arg(&images.cost)
+        .output()
+        .expect("the emulator runs");
+    assert!(output.status.success(), "{output:?}");
+    let text = String::from_utf8(output.stdout).expect("text");
+    let stages: Vec<Vec<&str>> = text.lines().map(|l| l.split(' ').collect()).collect();
+    assert_eq!(stages.len(), 2, "{text}");
+    for stage in stages {
+        let [name, median, most] = stage[..] else {
+            panic!("{text}")
+        };
+        for (what, count) in [("median", median), ("most", most)] {
+            let count = count.parse().expect("a count");
+            within_budget(&format!("{name}_instructions_{what}"), count);
+        }
+    }
+}
+
 /// Prints a figure beside its budget and fails if it is larger.
 fn within_budget(key: &str, used: u64) {
     let budget = include_str!("../firmware/budget.toml");
@@ -520,7 +646,10 @@ fn within_budget(key: &str, used: u64) {
     let limit = budget[key].as_integer().expect("the budget is a number");
     let limit = u64::try_from(limit).expect("the budget is positive");
     println!("{key}: {used} of {limit}");
-    assert!(used > 0 && used <= limit, "{key}: {used}, the budget is {limit}");
+    assert!(
+        used > 0 && used <= limit,
+        "{key}: {used}, the budget is {limit}"
+    );
 }
 
 /// The bytes of the sections that `counts` picks from those that exist on the target at all.

@@ -93,7 +93,10 @@ fn faults_are_noticed_in_time<T: Number>() {
     assert_eq!(on(Fault::Overcurrent, &|_| sample(|s| s.current = 0)), 0);
     assert_eq!(on(Fault::Undervoltage, &|_| sample(|s| s.bus = 500)), 0);
     assert_eq!(on(Fault::Overvoltage, &|_| sample(|s| s.bus = 4000)), 0);
-    assert_eq!(on(Fault::GateDriver, &|_| sample(|s| s.gate_fault = true)), 0);
+    assert_eq!(
+        on(Fault::GateDriver, &|_| sample(|s| s.gate_fault = true)),
+        0
+    );
     let missed = News {
         missed: true,
         ..news(0.5)
@@ -143,7 +146,15 @@ fn a_saturated_number_is_noticed() {
     set.control.observer_bandwidth = Q16::from_f64(500.0);
     let mut drive = Drive::<Q16>::new(set, Faults::NONE, &mut []).expect("a valid set");
     drive.enable().expect("nothing is wrong");
-    let racing = |k: u16| (Sample { count: 40 * k, ..HEALTHY }, news(0.0));
+    let racing = |k: u16| {
+        (
+            Sample {
+                count: 40 * k,
+                ..HEALTHY
+            },
+            news(0.0),
+        )
+    };
     assert!(periods_on(&mut drive, Fault::Unsound, racing) < 10);
 }
 

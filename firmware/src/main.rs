@@ -186,7 +186,10 @@ mod app {
             if let Some(selection) = drive.due() {
                 *cx.local.number = cx.local.number.wrapping_add(1);
                 // A line that is busy shows as a gap in the numbers.
-                let _ = cx.local.due.try_send((*cx.local.number, selection, *drive.snapshot()));
+                let _ = cx
+                    .local
+                    .due
+                    .try_send((*cx.local.number, selection, *drive.snapshot()));
             }
             if drive.snapshot().period.is_multiple_of(VERIFY_EVERY) {
                 // A chore that still waits does the same.

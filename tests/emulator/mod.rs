@@ -1,5 +1,9 @@
 //! The firmware's images, built once for all tests, and boards that run them.
 
+mod calls;
+
+pub use calls::Calls;
+
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -15,6 +19,8 @@ pub struct Images {
     pub firmware: PathBuf,
     /// Panics at once.
     pub panic: PathBuf,
+    /// Counts the instructions of a control period.
+    pub cost: PathBuf,
     /// Executes an undefined instruction at once.
     pub hard_fault: PathBuf,
 }
@@ -28,6 +34,7 @@ pub fn images() -> Option<&'static Images> {
         Some(Images {
             panic: example("panic"),
             hard_fault: example("hard_fault"),
+            cost: example("cost"),
             firmware,
         })
     });

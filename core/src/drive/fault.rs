@@ -76,7 +76,7 @@ impl Fault {
     }
 }
 
-const SAME_PERIOD: &str = "the period of the bad sample itself";
+const SAME_PERIOD: &str = "the period of the bad sample itself.";
 
 const PAGES: [Page; 13] = [
     Page {

@@ -18,9 +18,9 @@
 //! | faulted | off | the command to clear, which takes the causes that are gone |
 
 pub mod fault;
+mod legs;
 mod mailbox;
 mod monitor;
-mod legs;
 mod number;
 pub mod parameters;
 pub mod recorder;

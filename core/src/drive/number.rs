@@ -75,9 +75,15 @@ mod tests {
     #[test]
     fn words_keep_the_number() {
         for value in [-30_000.25, -1.0, 0.0, 0.5, 32_767.0] {
-            assert_eq!(f32::from_word(f32::from_f64(value).to_word()).to_f64(), value);
+            assert_eq!(
+                f32::from_word(f32::from_f64(value).to_word()).to_f64(),
+                value
+            );
             assert_eq!(f64::from_word(value.to_word()), value);
-            assert_eq!(Q16::from_word(Q16::from_f64(value).to_word()).to_f64(), value);
+            assert_eq!(
+                Q16::from_word(Q16::from_f64(value).to_word()).to_f64(),
+                value
+            );
         }
     }
 

@@ -137,7 +137,9 @@ impl<'a, T: Number> Recorder<'a, T> {
                 self.progress = Progress::Running;
             } else {
                 // Of the rows before the trigger only so many count.
-                self.rows = self.rows.min(u32::from(self.order.before).saturating_sub(1));
+                self.rows = self
+                    .rows
+                    .min(u32::from(self.order.before).saturating_sub(1));
             }
         }
         if self.progress == Progress::Running || self.order.before > 0 {
@@ -265,7 +267,10 @@ mod tests {
         let (recorder, values) = recorded(NOW, 50);
         assert_eq!(values, rows(0..10));
         let contents = recorder.contents();
-        assert_eq!((contents.progress, contents.rows, contents.first), (Progress::Done, 10, 0));
+        assert_eq!(
+            (contents.progress, contents.rows, contents.first),
+            (Progress::Done, 10, 0)
+        );
         assert!(recorder.read(18).eq(rows(9..10)));
         assert_eq!(recorder.read(17).count(), 3);
         assert_eq!(recorder.read(20).count(), 0);
@@ -275,7 +280,10 @@ mod tests {
     fn every_third_period_is_taken() {
         let (recorder, values) = recorded(Order { every: 3, ..NOW }, 8);
         assert_eq!(values, rows([0, 3, 6].into_iter()));
-        assert_eq!((recorder.contents().first, recorder.contents().every), (0, 3));
+        assert_eq!(
+            (recorder.contents().first, recorder.contents().every),
+            (0, 3)
+        );
     }
 
     #[test]

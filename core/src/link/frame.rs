@@ -42,15 +42,18 @@ pub fn encode<T: Serialize>(message: &T) -> Result<Frame, Damage> {
     let length = postcard::to_slice(message, &mut body[..MESSAGE_CAPACITY])
         .map_err(|_| Damage::TooLong)?
         .len();
-    let checksum = CHECKSUM.checksum(&body[..length]).to_le_bytes();
-    body[length..length + CHECKSUM_BYTES].copy_from_slice(&checksum);
+    // Lengths are looked up and not indexed with: the control task of an emulated board encodes, and may not panic.
+    let (content, rest) = body.split_at_mut_checked(length).ok_or(Damage::TooLong)?;
+    let checksum = CHECKSUM.checksum(content).to_le_bytes();
+    *rest.first_chunk_mut().ok_or(Damage::TooLong)? = checksum;
+    let whole = body.get(..length + CHECKSUM_BYTES);
+    let whole = whole.ok_or(Damage::TooLong)?;
 
     let mut frame = Frame::new();
     frame
         .resize_default(FRAME_CAPACITY)
         .map_err(|_| Damage::TooLong)?;
-    let stuffed =
-        cobs::try_encode(&body[..length + CHECKSUM_BYTES], &mut frame).map_err(|_| Damage::TooLong)?;
+    let stuffed = cobs::try_encode(whole, &mut frame).map_err(|_| Damage::TooLong)?;
     frame.truncate(stuffed);
     frame.push(DELIMITER).map_err(|_| Damage::TooLong)?;
     Ok(frame)
@@ -116,13 +119,13 @@ impl Deframer {
 #[cfg(test)]
 mod tests {
     use super::{CHECKSUM, Damage, Deframer, FRAME_CAPACITY, Frame, decode, encode};
+    use crate::control::SetPoint;
     use crate::drive::recorder::{Order, Trigger};
     use crate::drive::signal::{Selection, Signal};
-    use crate::control::SetPoint;
     use crate::drive::store::BYTES;
     use crate::drive::{Number, Parameters, Sample};
-    use crate::scalar::Q16;
     use crate::link::{Answer, CHUNK, Command, Packet, Report};
+    use crate::scalar::Q16;
 
     fn frames(bytes: &[u8]) -> std::vec::Vec<Result<Frame, Damage>> {
         let mut deframer = Deframer::new();

@@ -3,9 +3,9 @@
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
+use crate::control::SetPoint;
 use crate::drive::recorder::{Contents, Order};
 use crate::drive::signal::{SIGNALS, Selection};
-use crate::control::SetPoint;
 use crate::drive::{Faults, Parameters, Refusal, Sample, State};
 
 /// Changes whenever an older peer would misread a message.

@@ -145,7 +145,10 @@ impl ReadNorFlash for Flash {
     fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), OutOfBounds> {
         let length = bytes.len();
         let source = self.range(offset, length)?.iter();
-        bytes.iter_mut().zip(source).for_each(|(to, from)| *to = *from);
+        bytes
+            .iter_mut()
+            .zip(source)
+            .for_each(|(to, from)| *to = *from);
         Ok(())
     }
 

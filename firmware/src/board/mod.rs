@@ -18,8 +18,12 @@ pub use stm32f4::stm32f405 as device;
 use core::mem::MaybeUninit;
 
 use bristle_core::drive::store::{self, Places, Stored};
-use bristle_core::drive::{Actuation, Drive, Fault, Faults, Mailbox, News, Parameters, Refusal, Sample};
-use bristle_core::link::{Answer, Board as Kind, Hello, Injection, Numbers, PROTOCOL_VERSION, Report};
+use bristle_core::drive::{
+    Actuation, Drive, Fault, Faults, Mailbox, News, Parameters, Refusal, Sample,
+};
+use bristle_core::link::{
+    Answer, Board as Kind, Hello, Injection, Numbers, PROTOCOL_VERSION, Report,
+};
 use embedded_storage::nor_flash::NorFlash;
 
 use crate::outbox::Postbox;

@@ -157,7 +157,9 @@ impl Emulate {
             (outcome, json!(format!("{:?}", board.hello())))
         };
         let mut outputs = Outputs::default();
-        outputs.add(Some(&options.out), || Ok(csv(&outcome.record, &prepared.model)))?;
+        outputs.add(Some(&options.out), || {
+            Ok(csv(&outcome.record, &prepared.model))
+        })?;
         outputs.add(self.json.as_ref(), || Ok(report(&outcome, &who)))?;
         terminal::written(&outputs.write()?);
         tell(&outcome);
@@ -171,7 +173,8 @@ impl Make {
         options.check(&[Some(&options.out)])?;
         if options.on_host {
             return Err(Error::Usage(
-                "--on-host has no board to record on; leave it out, or use bristle emulate".to_owned(),
+                "--on-host has no board to record on; leave it out, or use bristle emulate"
+                    .to_owned(),
             ));
         }
         let mut prepared = options.prepare()?;
@@ -211,7 +214,9 @@ fn from_ring(board: &mut Board<f32>, outcome: &Outcome<f32>, count: f64) -> Resu
     Ok(Record {
         t: part(&made.t),
         u: column(Signal::Input).map(number).collect(),
-        q: column(Signal::Position).map(|w| f64::from(*w as i32) * count).collect(),
+        q: column(Signal::Position)
+            .map(|w| f64::from(*w as i32) * count)
+            .collect(),
         current: if made.current.is_empty() {
             Vec::new()
         } else {
@@ -245,7 +250,9 @@ impl Options {
             if let Some(value) = value
                 && !(value > 0.0 && value.is_finite())
             {
-                return Err(Error::Usage(format!("{name} {value} must be a positive number")));
+                return Err(Error::Usage(format!(
+                    "{name} {value} must be a positive number"
+                )));
             }
         }
         if self.amplitude == 0.0 || !self.amplitude.is_finite() {
@@ -273,7 +280,11 @@ impl Options {
     }
 
     fn counts_unit(&self, model: &Model) -> f64 {
-        let turn = if model.motion == Motion::Rotary { TAU } else { 1.0 };
+        let turn = if model.motion == Motion::Rotary {
+            TAU
+        } else {
+            1.0
+        };
         turn / self.counts
     }
 
@@ -282,7 +293,8 @@ impl Options {
             (Some(limit), _) => Ok(limit),
             (None, Follow::Input) => Ok(2.0 * self.amplitude.abs()),
             (None, _) => Err(Error::Usage(
-                "a controller needs --limit, the largest input that it may apply, in the unit of u".to_owned(),
+                "a controller needs --limit, the largest input that it may apply, in the unit of u"
+                    .to_owned(),
             )),
         }
     }
@@ -406,7 +418,9 @@ fn trip(outcome: &Outcome<f32>) -> Option<(f64, Vec<&'static str>)> {
 /// RMS and largest distance between set point and measured position.
 fn tracking(record: &Record) -> Option<(f64, f64)> {
     let errors = record.set_point.iter().zip(&record.q).map(|(r, q)| r - q);
-    let (sum, most) = errors.fold((0.0, 0.0_f64), |(sum, most), e| (sum + e * e, most.max(e.abs())));
+    let (sum, most) = errors.fold((0.0, 0.0_f64), |(sum, most), e| {
+        (sum + e * e, most.max(e.abs()))
+    });
     let n = record.set_point.len();
     (n > 0).then(|| ((sum / n as f64).sqrt(), most))
 }

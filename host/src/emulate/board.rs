@@ -117,7 +117,9 @@ impl<T: Number> Board<T> {
                     period,
                     words,
                 }) => {
-                    let gap = self.last_number.map_or(0, |last| number.wrapping_sub(last) - 1);
+                    let gap = self
+                        .last_number
+                        .map_or(0, |last| number.wrapping_sub(last) - 1);
                     self.lost += u32::from(gap);
                     self.last_number = Some(number);
                     self.telemetry.push(Telemetry {
@@ -162,7 +164,9 @@ impl<T: Number> Board<T> {
         let what = format!("{command:?}");
         match self.ask(command)? {
             Answer::Done => Ok(()),
-            other => Err(Error::Emulator(format!("the board answers {other:?} to {what}"))),
+            other => Err(Error::Emulator(format!(
+                "the board answers {other:?} to {what}"
+            ))),
         }
     }
 

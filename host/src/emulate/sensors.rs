@@ -75,7 +75,10 @@ mod tests {
     #[test]
     fn readings_are_those_of_the_scales() {
         let sample = SENSORS.sample(0.0125, -1.0);
-        assert_eq!((sample.count, sample.current, sample.bus), (12, CURRENT_ZERO - 100, 2400));
+        assert_eq!(
+            (sample.count, sample.current, sample.bus),
+            (12, CURRENT_ZERO - 100, 2400)
+        );
         assert_eq!(SENSORS.sample(-1e-4, 1e9).count, u16::MAX);
         assert_eq!(SENSORS.sample(0.0, 1e9).current, 4095);
     }

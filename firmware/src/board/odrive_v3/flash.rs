@@ -62,9 +62,7 @@ impl Flash {
         act(&self.registers);
         while self.registers.sr().read().bsy().bit_is_set() {}
         let status = self.registers.sr().read();
-        self.registers
-            .cr()
-            .write(|w| w.lock().set_bit());
+        self.registers.cr().write(|w| w.lock().set_bit());
         let failed = status.pgserr().bit_is_set()
             || status.pgperr().bit_is_set()
             || status.pgaerr().bit_is_set()
