@@ -79,17 +79,17 @@ impl<T: Scalar> Observer<T> {
         } else {
             (way, velocity)
         };
-        let predicted = self.position.moved(way);
-        let off = Position::at(counts).minus(predicted) + T::ONE.half();
+        // From the middle of what the encoder shows back to the prediction, which is never far.
+        let off = Position::at(counts).minus(self.position) + (T::ONE.half() - way);
         let surprise = off - off.clamp_symmetric(T::ONE.half());
-        let correction = gains.position * surprise;
-        self.position = predicted.moved(correction);
+        let moved = way + gains.position * surprise;
+        self.position = self.position.moved(moved);
         if stands {
             self.velocity = T::ZERO;
         } else {
             self.velocity = velocity + gains.velocity * surprise;
         }
-        way + correction
+        moved
     }
 
     /// Whether the encoder denies a motion that has been claimed for long enough.

@@ -143,6 +143,9 @@ fn claim_table(claims: &[Claim]) -> Table {
     }
 }
 
+/// A row of the table over all plants: its name, and its text for each way.
+type Row<'a> = (&'a str, &'a dyn Fn(&Summary) -> String);
+
 fn over_plants(campaign: &Campaign, summaries: &[Summary], words: &Words) -> Vec<Item> {
     let spread = |s: Spread, si: &str| {
         let (factor, name) = scaled_unit(s.median, si);
@@ -155,7 +158,7 @@ fn over_plants(campaign: &Campaign, summaries: &[Summary], words: &Words) -> Vec
         )
     };
     let none = || "–".to_owned();
-    let rows: [(&str, &dyn Fn(&Summary) -> String); 10] = [
+    let rows: [Row; 10] = [
         ("RMS error", &|s| spread(s.rms, words.si)),
         ("Peak error", &|s| spread(s.peak, words.si)),
         ("RMS error without over with", &|s| spread(s.gain, "")),

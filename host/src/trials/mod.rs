@@ -141,6 +141,9 @@ struct Played {
     truth: Vec<f64>,
 }
 
+/// Draws a plant and runs it under every way.
+type Play = fn(u64, ChaCha8Rng) -> Result<Played>;
+
 /// What all plants of an experiment have in common.
 struct Layout {
     period: f64,
@@ -151,7 +154,7 @@ struct Layout {
 
 /// Runs an experiment on `plants` plants drawn from `seed`, on all cores.
 pub fn run(experiment: Experiment, plants: u64, seed: u64) -> Result<Campaign> {
-    let (layout, play): (Layout, fn(u64, ChaCha8Rng) -> Result<Played>) = match experiment {
+    let (layout, play): (Layout, Play) = match experiment {
         Experiment::Srv02 => (srv02::layout(), srv02::play),
         Experiment::DcMotor => (dc_motor::layout(), dc_motor::play),
         Experiment::MassSpring => (mass_spring::layout(), mass_spring::play),
