@@ -7,8 +7,7 @@
 mod emulator;
 
 use bristle::emulate::{
-    self, Board, Driver, Launch, Machine, OnHost, Outcome, Period, Plan, SI, Sensors, Setup,
-    Transport,
+    self, Board, Driver, Launch, Machine, OnHost, Outcome, Period, Plan, Sensors, Setup, Transport,
 };
 use bristle::model::Model;
 use bristle::plant;
@@ -49,7 +48,6 @@ fn parameters() -> Parameters<f32> {
             limit: 1.0,
         },
         compensate: true,
-        units: SI,
     };
     let mut parameters = emulate::parameters(&model(), &setup, &SENSORS).expect("a controller");
     let limits = &mut parameters.limits;
@@ -69,7 +67,7 @@ fn running(transport: Transport, parameters: Parameters<f32>) -> Option<Board<f3
 }
 
 /// Position control along a sum of two sines.
-fn plan(samples: usize) -> Plan<'static, f32> {
+fn plan(samples: usize) -> Plan<f32> {
     let t: Vec<f64> = (0..samples).map(|k| k as f64 * 1e-3).collect();
     let reference = |t: f64| {
         let (a, b) = (2.0 * t, 11.0 * t);
@@ -86,8 +84,6 @@ fn plan(samples: usize) -> Plan<'static, f32> {
         positions: t.iter().map(|t| reference(*t).0).collect(),
         t,
         sensors: SENSORS,
-        input_unit: 1.0,
-        tamper: None,
     }
 }
 
@@ -237,13 +233,16 @@ fn periods_on(
     panic!("{fault:?} is not noticed");
 }
 
+/// What goes wrong with a sample.
+type Damage = fn(&mut Sample);
+
 #[test]
 fn every_fault_of_a_sample_turns_the_bridge_off_in_its_own_period() {
     let Some(mut board) = running(Transport::Fast, parameters()) else {
         return;
     };
     assert!((0..5).all(|_| healthy(&mut board).bridge));
-    let cases: [(Fault, fn(&mut Sample)); 7] = [
+    let cases: [(Fault, Damage); 7] = [
         (Fault::EncoderJump, |s| s.count = s.count.wrapping_add(4097)),
         (Fault::EncoderJump, |s| s.count = s.count.wrapping_sub(4097)),
         (Fault::Overcurrent, |s| s.current = 4095),

@@ -149,7 +149,7 @@ impl<'a, T: Number> Drive<'a, T> {
 
     /// One control period.
     pub fn step(&mut self, sample: &Sample, news: &News<T>) -> Actuation<T> {
-        let reading = self.read(sample);
+        let reading = self.read(*sample);
         let driven = (self.state == State::Running).then_some(self.input);
         let limits = &self.parameters.limits;
         let found = self.monitor.check(limits, &reading, news, driven);
@@ -169,7 +169,7 @@ impl<'a, T: Number> Drive<'a, T> {
 
     /// Raw readings in their units.
     #[inline]
-    fn read(&mut self, sample: &Sample) -> Reading<T> {
+    fn read(&mut self, sample: Sample) -> Reading<T> {
         let limits = &self.parameters.limits;
         let current = i32::from(sample.current) - i32::from(limits.current_zero);
         Reading {

@@ -230,7 +230,7 @@ mod tests {
 
     #[test]
     fn what_is_stored_is_read_back_and_the_newest_counts() {
-        assert!(BYTES <= SECTOR);
+        const { assert!(BYTES <= SECTOR) };
         let mut flash = Flash::blank();
         assert_eq!(load::<f32>(&mut flash, PLACES), Stored::Nothing);
         for timeout in [10, 20, 30, 40, 50] {

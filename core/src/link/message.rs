@@ -146,7 +146,7 @@ pub struct Hello {
 pub enum Board {
     /// An emulated board: its sensors and its bridge are on the host.
     Emulated,
-    /// ODrive v3.
+    /// `ODrive` v3.
     OdriveV3,
 }
 

@@ -15,7 +15,7 @@ use super::output::{self, Outputs};
 use super::{DONE, Outcome as Status, terminal};
 use crate::bench::Record;
 use crate::emulate::{
-    self, Board, Driver, Launch, OnHost, Outcome, Plan, SI, Sensors, Setup, Transport, image,
+    self, Board, Driver, Launch, OnHost, Outcome, Plan, Sensors, Setup, Transport, image,
 };
 use crate::error::{Error, Result};
 use crate::excite::{Excitation, Shape};
@@ -139,7 +139,7 @@ pub(super) struct Make {
 struct Prepared {
     model: Model,
     plant: Box<dyn plant::Plant>,
-    plan: Plan<'static, f32>,
+    plan: Plan<f32>,
     parameters: bristle_core::drive::Parameters<f32>,
 }
 
@@ -154,7 +154,7 @@ impl Emulate {
         } else {
             let mut board = options.board(&prepared)?;
             let outcome = prepared.run(&mut board)?;
-            (outcome, json!(format!("{:?}", board.hello())))
+            (outcome, json!(board.hello()))
         };
         let mut outputs = Outputs::default();
         outputs.add(Some(&options.out), || {
@@ -325,7 +325,6 @@ impl Options {
                 limit: self.input_limit()?,
             },
             compensate: self.compensate,
-            units: SI,
         };
         let parameters = emulate::parameters(&known, &setup, &sensors);
         let parameters = parameters.map_err(|e| named(known_path, e))?;
@@ -338,7 +337,7 @@ impl Options {
         })
     }
 
-    fn plan(&self, sensors: Sensors) -> Plan<'static, f32> {
+    fn plan(&self, sensors: Sensors) -> Plan<f32> {
         let t: Vec<f64> = (0..(self.duration * self.rate).round() as usize)
             .map(|k| k as f64 / self.rate)
             .collect();
@@ -380,8 +379,6 @@ impl Options {
             },
             t,
             sensors,
-            input_unit: 1.0,
-            tamper: None,
         }
     }
 

@@ -23,4 +23,4 @@ pub use board::{Board, Telemetry};
 pub use machine::{Launch, Machine, QEMU, Transport};
 pub use run::{Driver, OnHost, Outcome, Period, Plan, position, run};
 pub use sensors::Sensors;
-pub use setup::{SI, Setup, parameters};
+pub use setup::{Setup, parameters};

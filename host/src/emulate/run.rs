@@ -61,7 +61,7 @@ impl<T: Number> Driver<T> for OnHost<T> {
 }
 
 /// What the axis is to do over a run.
-pub struct Plan<'a, T> {
+pub struct Plan<T> {
     /// Instants of the samples, s.
     pub t: Vec<f64>,
     /// What is asked for at each.
@@ -70,10 +70,6 @@ pub struct Plan<'a, T> {
     pub positions: Vec<f64>,
     /// The converters.
     pub sensors: Sensors,
-    /// What one unit of the board's inputs is in the plant's.
-    pub input_unit: f64,
-    /// Changes the readings of a sample on their way to the board.
-    pub tamper: Option<&'a dyn Fn(usize, &mut Sample)>,
 }
 
 /// A run's recording, and what the board did in each period.
@@ -88,20 +84,16 @@ pub struct Outcome<T> {
 pub fn run<T: Number>(
     driver: &mut dyn Driver<T>,
     plant: &mut dyn Plant,
-    plan: &Plan<'_, T>,
+    plan: &Plan<T>,
 ) -> Result<Outcome<T>> {
     let mut record = Record::default();
     let mut periods = Vec::with_capacity(plan.t.len());
     for k in 0..plan.t.len() {
         let truth = plant.measured();
         let current = plant.current();
-        let mut sample = plan.sensors.sample(truth.q, current.unwrap_or(0.0));
-        if let Some(tamper) = plan.tamper {
-            tamper(k, &mut sample);
-        }
+        let sample = plan.sensors.sample(truth.q, current.unwrap_or(0.0));
         let period = driver.period(plan.set_points.get(k).copied(), sample)?;
-        let u = period.input.to_f64() * plan.input_unit;
-        record.u.push(u);
+        record.u.push(period.input.to_f64());
         record
             .q
             .push(plan.sensors.counts(truth.q) as f64 * plan.sensors.count);

@@ -16,12 +16,10 @@ pub struct Setup {
     pub wish: Wish,
     /// Whether the model's friction and effects are compensated.
     pub compensate: bool,
-    /// The units in which the board counts.
-    pub units: Units,
 }
 
-/// SI units, for floating point.
-pub const SI: Units = Units {
+/// What a board in floating point counts in.
+const SI: Units = Units {
     force: 1.0,
     position: 1.0,
     velocity: 1.0,
@@ -43,7 +41,7 @@ pub fn parameters<T: Number>(
     let out_of_range = |e: OutOfRange| Error::Usage(format!("the board's numbers: {e}"));
     let parameters = Parameters {
         limits: sensors.limits(),
-        control: control.scaled(&setup.units).map_err(out_of_range)?,
+        control: control.scaled(&SI).map_err(out_of_range)?,
     };
     if let Err(invalid) = parameters.control.check() {
         return Err(Error::Usage(format!(
