@@ -330,3 +330,62 @@ fn numbers_that_are_none_give_no_command() {
     let output = controller.step(7, SetPoint::Off);
     assert!(output.finite && output.command == 0.0);
 }
+
+/// RMS error in counts of a slow sine under a way to compensate bristles that bend over six counts.
+fn over_bristles(method: Method, driver: Driver, share: f64, excess: f64) -> f64 {
+    let truth = Truth {
+        stiffness: 20.0,
+        static_level: TRUTH.coulomb * excess,
+        ..TRUTH
+    };
+    let mut with = parameters(&truth, 120.0);
+    with.compensation = Compensation {
+        method,
+        driver,
+        share,
+        ..with.compensation
+    };
+    with.compensation.slope = 0.499 * with.velocity_gain;
+    rms(&run::<f32>(|_| truth, &with, &SI, 10.0, sine), 1.0, sine)
+}
+
+#[test]
+fn observed_bristles_beat_a_static_law_where_there_are_some() {
+    // Dahl's law, and the LuGre law with 20 % more at break-away.
+    for excess in [1.0, 1.2] {
+        let error = |method, driver, share| over_bristles(method, driver, share, excess);
+        let none = error(Method::Off, Driver::Desired, 1.0);
+        let fixed = error(Method::Static, Driver::Desired, 1.0);
+        let desired = error(Method::Bristles, Driver::Desired, 1.0);
+        let measured = error(Method::Bristles, Driver::Measured, 0.66);
+        println!("{excess}: {none} {fixed} {desired} {measured}");
+        assert!(desired < 0.2 * none && desired < 0.5 * fixed);
+        assert!(measured < 0.6 * none);
+    }
+}
+
+#[test]
+fn a_velocity_is_followed_and_a_long_saturation_left_without_a_swing() {
+    let with = parameters(&TRUTH, 120.0);
+    let mut controller = Controller::new(with, 0).unwrap();
+    let mut axis = Axis::default();
+    let (mut most, mut last) = (0.0_f64, 0.0);
+    for k in 0..6000 {
+        // Four seconds of a velocity that the torque never reaches, then one that it does.
+        let velocity = if k < 4000 { 60.0 } else { 5.0 };
+        let aim = SetPoint::Velocity {
+            velocity,
+            acceleration: 0.0,
+        };
+        let output = controller.step(Scalar::floor(axis.q / COUNT), aim);
+        assert_eq!(output.saturated, k < 4000 || output.command.abs() >= 0.7);
+        assert!(output.command.abs() <= 0.7);
+        axis.advance(&TRUTH, output.command, PERIOD);
+        if k > 4000 {
+            most = most.max(5.0 - axis.v);
+        }
+        last = axis.v;
+    }
+    // A wound-up integral would drive far past the new velocity, or wait long at the limit.
+    assert!((last - 5.0).abs() < 0.05 && most < 1.0, "{last} {most}");
+}

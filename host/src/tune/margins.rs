@@ -158,13 +158,13 @@ impl Loop {
 
 #[cfg(test)]
 mod tests {
-    use bristle_core::control::{Controller, Learning, Method, Position, SetPoint};
+    use bristle_core::control::{Controller, Learning, Method, Parameters, Position, SetPoint};
 
     use super::margins;
     use crate::model::Model;
     use crate::tune::{Wish, parameters};
 
-    fn tuned(bandwidth: f64) -> bristle_core::control::Parameters<f64> {
+    fn tuned(bandwidth: f64) -> Parameters<f64> {
         let text = "[plant]\nmotion = \"rotary\"\ninertia = 0.002\n[friction]\ncoulomb = 0.0\nviscous = 0.004\n";
         let wish = Wish {
             bandwidth,
@@ -181,8 +181,8 @@ mod tests {
 
     /// Largest swing in the last quarter of a second after a small push, under the controller itself with its command
     /// multiplied by `gain` and late by `late` samples.
-    fn swing(parameters: bristle_core::control::Parameters<f64>, gain: f64, late: usize) -> f64 {
-        let mut controller = Controller::new(parameters, 0).unwrap();
+    fn swing(parameters: &Parameters<f64>, gain: f64, late: usize) -> f64 {
+        let mut controller = Controller::new(*parameters, 0).unwrap();
         let (mut q, mut v, mut most) = (0.01, 0.0, 0.0_f64);
         let mut commands = vec![0.0; late + 1];
         for k in 0..2000 {
@@ -217,15 +217,15 @@ mod tests {
             let tuned = tuned(bandwidth);
             let found = margins(&tuned);
             let most = found.gain.unwrap();
-            assert!(swing(tuned, 0.9 * most, 0) < 0.01, "{found:?}");
-            assert!(swing(tuned, 1.1 * most, 0) > 0.05, "{found:?}");
+            assert!(swing(&tuned, 0.9 * most, 0) < 0.01, "{found:?}");
+            assert!(swing(&tuned, 1.1 * most, 0) > 0.05, "{found:?}");
             let samples = found.delay / tuned.period;
             assert!(
-                swing(tuned, 1.0, (0.8 * samples) as usize) < 0.01,
+                swing(&tuned, 1.0, (0.8 * samples) as usize) < 0.01,
                 "{found:?}"
             );
             assert!(
-                swing(tuned, 1.0, (1.2 * samples).ceil() as usize) > 0.05,
+                swing(&tuned, 1.0, (1.2 * samples).ceil() as usize) > 0.05,
                 "{found:?}"
             );
         }
