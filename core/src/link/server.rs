@@ -5,7 +5,7 @@ use crate::drive::{Drive, Fault, Number, Refusal};
 
 /// What is left to do for a command that needs more than the drive.
 #[derive(Clone, Debug, PartialEq)]
-#[expect(
+#[allow(
     clippy::large_enum_variant,
     reason = "a board has no heap to put the larger one on"
 )]

@@ -1,4 +1,4 @@
-//! The link's serial port: UART4 on PA0 (TX) and PA1 (RX), the header's `GPIO 1` and `GPIO 2` of an ODrive v3, 8N1.
+//! The link's serial port: UART4 on PA0 (TX) and PA1 (RX), the header's `GPIO 1` and `GPIO 2` of an `ODrive` v3, 8N1.
 
 use super::device::{GPIOA, RCC, UART4};
 

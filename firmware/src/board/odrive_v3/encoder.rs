@@ -27,13 +27,13 @@ impl Encoder {
             w.ic2f().set(3)
         });
         timer.smcr().write(|w| w.sms().encoder_mode_3());
-        timer.arr().write(|w| w.arr().set(u16::MAX.into()));
+        timer.arr().write(|w| w.arr().set(u16::MAX));
         timer.cr1().write(|w| w.cen().enabled());
         Self { timer }
     }
 
     /// The counter, which wraps.
     pub fn count(&self) -> u16 {
-        self.timer.cnt().read().cnt().bits() as u16
+        self.timer.cnt().read().cnt().bits()
     }
 }

@@ -1,4 +1,4 @@
-//! ODrive v3.5 and v3.6, motor M0: a brushed motor across phases B and C.
+//! `ODrive` v3.5 and v3.6, motor M0: a brushed motor across phases B and C.
 //!
 //! **Never run on silicon yet.** It compiles, its drivers are tested against mocks, and it was written along the
 //! reference manual; that is all.
