@@ -138,8 +138,11 @@ fn status(board: &mut Board<f32>) -> (State, Vec<Fault>, Counters) {
         Answer::Status {
             state,
             faults,
-            counters,
-        } => (state, faults.iter().collect(), counters),
+            mut counters,
+        } => {
+            counters.stack = 0;
+            (state, faults.iter().collect(), counters)
+        }
         other => panic!("{other:?}"),
     }
 }
@@ -636,6 +639,35 @@ fn a_control_period_fits_its_budget_of_instructions() {
             within_budget(&format!("{name}_instructions_{what}"), count);
         }
     }
+}
+
+/// Everything that uses the stack at once: closed loop and recording by the port's interrupt, telemetry, commands with the
+/// largest answers, and the flash.
+#[test]
+fn the_stack_fits_its_budget() {
+    let Some(mut board) = booted::<f32>(Transport::Serial) else {
+        return;
+    };
+    board
+        .tell(Command::Set(parameters()))
+        .expect("valid parameters");
+    board.tell(Command::Store).expect("they are stored");
+    let selection = Selection::of(&Signal::ALL);
+    board
+        .tell(Command::Telemetry {
+            selection,
+            every: 3,
+        })
+        .expect("it is chosen");
+    board.tell(Command::Enable).expect("nothing is wrong");
+    run(&mut board, 100);
+    for command in [Command::Get, Command::Recorded, Command::Hello] {
+        board.send(command).expect("the line is open");
+    }
+    let Answer::Status { counters, .. } = board.ask(Command::Status).expect("an answer") else {
+        panic!("no status")
+    };
+    within_budget("stack_bytes", counters.stack.into());
 }
 
 /// Prints a figure beside its budget and fails if it is larger.

@@ -15,3 +15,5 @@ pub mod fault;
 pub mod inlet;
 #[cfg(target_os = "none")]
 pub mod outbox;
+#[cfg(target_os = "none")]
+pub mod stack;

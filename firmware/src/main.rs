@@ -30,13 +30,14 @@ mod app {
 
     use bristle_core::drive::signal::{Selection, Snapshot};
     use bristle_core::drive::{Drive, Mailbox};
-    use bristle_core::link::{self, Frame, Hello, Injection, Packet, Reaction, Report};
+    use bristle_core::link::{self, Counters, Frame, Hello, Injection, Packet, Reaction, Report};
     use bristle_firmware::board::device::Interrupt;
     use bristle_firmware::board::emulated::{self, Persistent};
     use bristle_firmware::board::{Board, Hardware, Serial, Storage};
     use bristle_firmware::fault;
     use bristle_firmware::inlet::{BACKLOG, Inlet};
     use bristle_firmware::outbox::{Outbox, Postbox, WAITING};
+    use bristle_firmware::stack;
     use rtic_sync::channel::{Channel, Receiver, Sender};
 
     /// Words in the recording ring: 10 s of two signals at 1 kHz, and some.
@@ -93,6 +94,7 @@ mod app {
         outbound: Channel<Frame, WAITING> = Channel::new(),
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
+        stack::paint();
         let (due, snapshots) = cx.local.telemetry.split();
         let (packet, packets) = cx.local.inbound.split();
         let (chore, chores) = cx.local.chores.split();
@@ -210,7 +212,11 @@ mod app {
         postbox.send(&Report::<f32>::Hello(hello)).await;
         // The senders live in resources that are never dropped.
         while let Ok(Packet { sequence, command }) = packets.recv().await {
-            let counters = cx.shared.receiver.lock(|receiver| receiver.counters());
+            let lost = cx.shared.receiver.lock(|receiver| receiver.counters());
+            let counters = Counters {
+                stack: stack::deepest(),
+                ..lost
+            };
             let reaction = cx
                 .shared
                 .drive

@@ -42,8 +42,8 @@ fuzz_target!(|bytes: &[u8]| {
         }
     }
     // Whatever came, the next command is understood.
-    receiver.push(0);
-    let hello = Packet {
+    receiver.push::<f32>(0);
+    let hello = Packet::<f32> {
         sequence: 0,
         command: Command::Hello,
     };

@@ -172,7 +172,7 @@ pub enum Answer<T> {
         state: State,
         /// The latched faults.
         faults: Faults,
-        /// What was lost.
+        /// What was lost, and how far the stack has grown.
         counters: Counters,
     },
     /// The parameters in force.
@@ -188,7 +188,7 @@ pub enum Answer<T> {
     },
 }
 
-/// What was lost since boot; each saturates.
+/// What was lost since boot, and how far the stack has grown; each saturates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Counters {
     /// Frames with a wrong checksum, too long, or of no known content.
@@ -197,6 +197,6 @@ pub struct Counters {
     pub missing: u32,
     /// Commands that came faster than they were served.
     pub dropped: u32,
-    /// Telemetry frames that found the line busy.
-    pub unsent: u32,
+    /// The most bytes of stack that were in use; zero on a host.
+    pub stack: u32,
 }

@@ -33,7 +33,7 @@ impl Receiver {
                 damaged: 0,
                 missing: 0,
                 dropped: 0,
-                unsent: 0,
+                stack: 0,
             },
         }
     }
@@ -60,11 +60,6 @@ impl Receiver {
     /// Accounts for a command that nobody had time for.
     pub fn dropped(&mut self) {
         add(&mut self.counters.dropped, 1);
-    }
-
-    /// Accounts for a telemetry frame that could not be sent.
-    pub fn unsent(&mut self) {
-        add(&mut self.counters.unsent, 1);
     }
 
     /// What was lost since boot.

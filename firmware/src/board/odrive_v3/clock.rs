@@ -50,6 +50,13 @@ impl Clock {
     }
 }
 
+/// Clears the flag of a clock failure (7.3.4, CSSC), or its interrupt would come again at once.
+#[allow(unsafe_code)]
+pub fn acknowledge_clock_failure() {
+    // SAFETY: the address is fixed, and the register is written nowhere else.
+    unsafe { (*RCC::ptr()).cir().modify(|_, w| w.cssc().set_bit()) };
+}
+
 fn becomes(mut condition: impl FnMut() -> bool) -> bool {
     (0..PATIENCE).any(|_| condition())
 }

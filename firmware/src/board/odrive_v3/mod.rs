@@ -37,6 +37,7 @@ mod gate;
 mod pwm;
 mod watchdog;
 
+pub use clock::acknowledge_clock_failure;
 pub use flash::{Flash, PLACES};
 pub use pwm::{TOP, bridge_off};
 
