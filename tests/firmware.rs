@@ -381,6 +381,99 @@ fn stored_parameters_survive_a_restart_and_damage_to_one_record() {
     );
 }
 
+/// Runs the program in a folder; its exit status and what it said on the error stream.
+fn bristle(folder: &std::path::Path, arguments: &[&str]) -> (Option<i32>, String) {
+    let output = std::process::Command::new(env!("CARGO_BIN_EXE_bristle"))
+        .args(arguments)
+        .current_dir(folder)
+        .output()
+        .expect("the program runs");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    (output.status.code(), said)
+}
+
+#[test]
+fn the_commands_give_the_same_bytes_with_and_without_the_emulator() {
+    let Some(images) = runnable_images() else {
+        return;
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text);
+    write("axis.toml", AXIS).expect("it is written");
+    let image = images.firmware.to_str().expect("a path in UTF-8");
+    let run = |verb: &str, out: &str, more: &[&str]| {
+        let mut arguments = vec![verb, "--model", "axis.toml", "--out", out];
+        arguments.extend([
+            "--excite",
+            "multisine",
+            "--amplitude",
+            "0.7",
+            "--duration",
+            "3",
+        ]);
+        arguments.extend(more);
+        let (status, said) = bristle(folder.path(), &arguments);
+        assert_eq!(status, Some(0), "{said}");
+        std::fs::read_to_string(folder.path().join(out)).expect("it was written")
+    };
+    let json = ["--image", image, "--json", "run.json"];
+    let emulated = run("emulate", "emulated.csv", &json);
+    assert_eq!(emulated, run("emulate", "again.csv", &["--image", image]));
+    assert_eq!(emulated, run("emulate", "host.csv", &["--on-host"]));
+    assert_eq!(emulated, run("record", "ring.csv", &["--image", image]));
+    assert_eq!(emulated.lines().next(), Some("t[s],u[N*m],q[rad]"));
+    assert_eq!(emulated.lines().count(), 3001);
+    let report = std::fs::read_to_string(folder.path().join("run.json")).expect("a report");
+    let report: serde_json::Value = serde_json::from_str(&report).expect("JSON");
+    assert_eq!(
+        (&report["samples"], &report["trip"]),
+        (&3000.into(), &().into())
+    );
+
+    let wrong = [
+        "emulate",
+        "--model",
+        "axis.toml",
+        "--excite",
+        "chirp",
+        "--amplitude",
+        "1",
+    ];
+    for (more, part) in [
+        (&["--image", "none.elf", "--out", "x.csv"][..], "none.elf"),
+        (
+            &["--out", "x.csv", "--follow", "position", "--on-host"],
+            "--limit",
+        ),
+        (&["--out", "x.csv", "--rate", "0", "--on-host"], "--rate"),
+        (&["--out", "axis.toml", "--on-host"], "input"),
+    ] {
+        let (status, said) = bristle(folder.path(), &[&wrong[..], more].concat());
+        assert!(
+            status == Some(2) && said.contains(part),
+            "{status:?}: {said}"
+        );
+        assert!(!folder.path().join("x.csv").exists());
+    }
+}
+
+#[test]
+fn faults_are_explained_by_name_and_by_number() {
+    let run = |id: &str| {
+        let output = std::process::Command::new(env!("CARGO_BIN_EXE_bristle"))
+            .args(["explain", id])
+            .output()
+            .expect("the program runs");
+        assert!(output.status.success());
+        String::from_utf8(output.stdout).expect("text")
+    };
+    for fault in Fault::ALL {
+        let page = run(fault.page().id);
+        assert!(page.contains(fault.page().remedy));
+        assert_eq!(page, run(&fault.number().to_string()));
+    }
+}
+
 #[test]
 fn what_must_not_be_is_refused_by_name() {
     let Some(mut board) = running(Transport::Fast, parameters()) else {

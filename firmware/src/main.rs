@@ -30,7 +30,9 @@ mod app {
 
     use bristle_core::drive::signal::{Selection, Snapshot};
     use bristle_core::drive::{Drive, Mailbox};
-    use bristle_core::link::{self, Counters, Frame, Hello, Injection, Packet, Reaction, Report};
+    use bristle_core::link::{
+        self, Answer, Counters, Frame, Hello, Injection, Packet, Reaction, Report,
+    };
     use bristle_firmware::board::device::Interrupt;
     use bristle_firmware::board::emulated::{self, Persistent};
     use bristle_firmware::board::{Board, Hardware, Serial, Storage};
@@ -271,7 +273,13 @@ mod app {
                     cx.shared.drive.lock(Drive::verify);
                     continue;
                 }
-                Chore::Inject(to, injection) => (to, storage.inject(injection)),
+                Chore::Inject(to, injection) => {
+                    let answer = storage.inject(injection);
+                    if answer == Answer::Done {
+                        cx.shared.drive.lock(|drive| link::suffer(drive, injection));
+                    }
+                    (to, answer)
+                }
                 Chore::Store(to) => {
                     let parameters = cx.shared.drive.lock(|drive| *drive.parameters());
                     (to, storage.save(&parameters))

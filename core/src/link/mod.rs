@@ -34,4 +34,4 @@ pub use message::{
     Report,
 };
 pub use receiver::{Received, Receiver};
-pub use server::{Reaction, serve};
+pub use server::{Reaction, serve, suffer};
