@@ -146,46 +146,56 @@ fn attempt(recipe: &Recipe, velocity_only: bool) -> Option<Trial> {
         v,
         input_unit: None,
     }];
-    let (verdict, names, warned, more, errors) =
-        match identify(&recording, &model, Options::default()).and_then(|(bench, baseline)| {
-            diagnose(&bench, &baseline, &recording, &|_| {}).map(|o| (bench, o))
-        }) {
-            Ok((bench, outcome)) => {
-                let d = &outcome.diagnosis;
-                let more = format!(
-                    "T {:.3} nrmse {:.3}->{:.3} J err {:+.3} left {:?} {:?}",
-                    d.half_width[0],
-                    d.fit.before.held_out.nrmse,
-                    d.fit.after.held_out.nrmse,
-                    outcome.after.inertia.value.unwrap_or(0.0) / made.truth.inertia - 1.0,
-                    (
-                        d.leftover.gain,
-                        d.leftover.size,
-                        d.leftover.coordinates.first().copied()
-                    ),
-                    bench.problem.rows.len(),
-                );
-                let error = |p: &bristle::model::Parameter, truth: f64| {
-                    (p.value.unwrap_or(f64::NAN) - truth) / p.se.unwrap_or(f64::NAN)
-                };
-                let before = &outcome.before;
-                let errors = [
-                    error(&before.inertia, made.truth.inertia),
-                    error(&before.coulomb, made.truth.coulomb),
-                    error(&before.viscous, made.truth.viscous),
-                ];
-                let names = d.findings.iter().map(|f| f.id).collect();
-                let warned = d.warnings.iter().map(|w| w.id).collect();
-                (d.verdict, names, warned, more, Some(errors))
-            }
-            Err(error) => (
-                Verdict::Unknown,
-                vec!["error"],
-                Vec::new(),
-                error.to_string(),
-                None,
-            ),
-        };
+    let (verdict, names, warned, more, errors) = match identify(
+        &recording,
+        &model,
+        Options::default(),
+    )
+    .and_then(|(bench, baseline)| {
+        diagnose(&bench, &baseline, &recording, &|_| {}).map(|o| (bench, o))
+    }) {
+        Ok((bench, outcome)) => {
+            let d = &outcome.diagnosis;
+            let more = format!(
+                "{:?} departure {:.2} confidence {:?} T {:.3} nrmse {:.3}->{:.3} J err {:+.3} left {:?} {:?}",
+                bench.problem.response,
+                d.departure,
+                d.findings
+                    .iter()
+                    .map(|f| (f.confidence, f.evidence.delta_bic))
+                    .collect::<Vec<_>>(),
+                d.half_width[0],
+                d.fit.before.held_out.nrmse,
+                d.fit.after.held_out.nrmse,
+                outcome.after.inertia.value.unwrap_or(0.0) / made.truth.inertia - 1.0,
+                (
+                    d.leftover.gain,
+                    d.leftover.size,
+                    d.leftover.coordinates.first().copied()
+                ),
+                bench.problem.rows.len(),
+            );
+            let error = |p: &bristle::model::Parameter, truth: f64| {
+                (p.value.unwrap_or(f64::NAN) - truth) / p.se.unwrap_or(f64::NAN)
+            };
+            let before = &outcome.before;
+            let errors = [
+                error(&before.inertia, made.truth.inertia),
+                error(&before.coulomb, made.truth.coulomb),
+                error(&before.viscous, made.truth.viscous),
+            ];
+            let names = d.findings.iter().map(|f| f.id).collect();
+            let warned = d.warnings.iter().map(|w| w.id).collect();
+            (d.verdict, names, warned, more, Some(errors))
+        }
+        Err(error) => (
+            Verdict::Unknown,
+            vec!["error"],
+            Vec::new(),
+            error.to_string(),
+            None,
+        ),
+    };
     let verdict = format!("{verdict:?}").to_lowercase();
     let line = format!(
         "{:?} seed {} size {} noise {:?} {:?} {:?} rate {} counts {} {} met {}: {verdict} {names:?} | {more}",

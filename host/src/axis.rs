@@ -41,6 +41,8 @@ pub struct Axis {
     pub contact: Contact,
     /// Part of the inertia that hangs behind the measured side, if any does.
     pub coupling: Option<Coupling>,
+    /// The effect that hangs it there, with its inner parameters.
+    hanging: Option<(&'static dyn Effect, Inner)>,
     /// Errors in the measured position, with their coefficients.
     errors: Vec<(&'static dyn Effect, Vec<f64>)>,
 }
@@ -180,6 +182,14 @@ fn numbers(
         .collect()
 }
 
+/// The effect that hangs a load behind the measured side, if one does.
+fn hanging(model: &Model) -> Option<(&'static dyn Effect, Inner)> {
+    let mut loads = model.terms.iter().filter(|t| t.effect.seat() == Seat::Load);
+    let term = loads.next()?;
+    let (inner, _) = term.effect.linear(&system::values(term), model.scale());
+    Some((term.effect, inner))
+}
+
 /// What hangs behind the measured side; refuses two loads, and one that is all of the inertia.
 fn coupling(model: &Model, inertia: f64) -> Result<Option<Coupling>> {
     let of = |t: &Term| Some((t.effect.id(), t.effect.coupling(&system::values(t))?));
@@ -235,8 +245,29 @@ impl Axis {
             path: system::path(model),
             contact: Contact::new(model),
             coupling: coupling(model, moving.value.unwrap_or_default())?,
+            hanging: hanging(model),
             errors: errors.collect(),
         })
+    }
+
+    /// Where the load behind the measured side stands at every node while it moves at velocity `v`, and how fast it moves,
+    /// both relative to that side; empty without a load.
+    pub fn carried(&self, v: &[f64], period: f64) -> Vec<[f64; 2]> {
+        let Some((effect, inner)) = self.hanging else {
+            return Vec::new();
+        };
+        // Of the smoothed motion: an encoder's counts would shake the load.
+        let mut q = vec![0.0; v.len()];
+        for k in 1..v.len() {
+            q[k] = q[k - 1] + 0.5 * (v[k - 1] + v[k]) * period;
+        }
+        let relative = effect.load(inner, &q, v, period);
+        let last = relative.len() - 1;
+        let rate = |k: usize| {
+            let (a, b) = (k.saturating_sub(1), (k + 1).min(last));
+            (relative[b] - relative[a]) / ((b - a).max(1) as f64 * period)
+        };
+        (0..=last).map(|k| [relative[k], rate(k)]).collect()
     }
 
     /// Error of a measured position, and its slope.

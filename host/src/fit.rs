@@ -7,7 +7,7 @@ use crate::effects::Moment;
 use crate::error::Result;
 use crate::model::{Causality, Model};
 use crate::recording::Recording;
-use crate::simulate::{self, State};
+use crate::simulate::{self, Start, State};
 use crate::weak::{TRAIN_SHARE, Track};
 
 /// Length of the free-run windows that the fit is judged on, s.
@@ -47,24 +47,70 @@ pub fn predict(
     to: usize,
 ) -> Vec<State> {
     let mut states = Vec::with_capacity(to - from);
+    let along = Along::new(axis, track);
     let mut first = from;
     while first < to {
         let end = recording
             .t
             .partition_point(|&t| t < recording.t[first] + horizon - 1e-9)
             .clamp(first + 1, to);
-        let start = measured_state(recording, track, first);
+        let start = along.start(recording, track, first);
         states.extend(simulate::run_axis(axis, recording, first, end - 1, start));
         first = end;
     }
     states
 }
 
-/// The measured state at a sample: its position and the smoothed velocity.
-pub fn measured_state(recording: &Recording, track: &Track, sample: usize) -> State {
+/// What a measured motion carries along and no sensor shows: where the load stands and how far the bristles are bent.
+#[derive(Default)]
+pub struct Along {
+    load: Vec<[f64; 2]>,
+    bend: Vec<f64>,
+}
+
+impl Along {
+    /// Follows the whole motion of a track.
+    pub fn new(axis: &Axis, track: &Track) -> Self {
+        let bend = axis.contact.bristles().map_or(Vec::new(), |law| {
+            let bent = track.bend(law).into_iter().zip(&track.cells);
+            bent.map(|(b, cell)| b.direction * law.level(cell.v) / law.stiffness())
+                .collect()
+        });
+        Self {
+            load: axis.carried(&track.v, track.period),
+            bend,
+        }
+    }
+
+    /// Where a free run from a sample on starts. Before the first one nothing has been measured, so all else is at ease
+    /// there; and at rest only what follows would tell how bristles are bent.
+    pub fn start(&self, recording: &Recording, track: &Track, sample: usize) -> Start {
+        let (node, _) = node(recording, track, sample);
+        let start = Start::from(measured_state(recording, track, sample));
+        if node == 0 {
+            return start;
+        }
+        let slides = |cell: usize| track.sliding.get(cell).is_some_and(|s| *s > 0.0);
+        let cells = self.bend.get(node - 1).zip(self.bend.get(node));
+        let bend = cells.filter(|_| slides(node - 1) && slides(node));
+        Start {
+            load: self.load.get(node).copied(),
+            bend: bend.map(|(before, after)| 0.5 * (before + after)),
+            ..start
+        }
+    }
+}
+
+/// The node at or before a sample, and the rest of the way to the next one.
+fn node(recording: &Recording, track: &Track, sample: usize) -> (usize, f64) {
     let node =
         ((recording.t[sample] - track.start) / track.period).clamp(0.0, (track.v.len() - 1) as f64);
-    let (k, r) = (node as usize, node.fract());
+    (node as usize, node.fract())
+}
+
+/// The measured state at a sample: its position and the smoothed velocity.
+pub fn measured_state(recording: &Recording, track: &Track, sample: usize) -> State {
+    let (k, r) = node(recording, track, sample);
     let right = track.v[(k + 1).min(track.v.len() - 1)];
     let smooth = track.v[k] + r * (right - track.v[k]);
     // An axis at rest starts at rest: quantisation must not push it.
@@ -153,6 +199,26 @@ pub fn judge(model: &Model, recordings: &[Recording], tracks: &[Track]) -> Resul
     })
 }
 
+/// Sum of squared errors in each window of the held-out parts.
+pub fn held_out_windows(
+    model: &Model,
+    recordings: &[Recording],
+    tracks: &[Track],
+) -> Result<Vec<f64>> {
+    let axis = Axis::new(model)?;
+    let mut squares = Vec::new();
+    for (recording, track) in recordings.iter().zip(tracks) {
+        let along = Along::new(&axis, track);
+        let mut first = (TRAIN_SHARE * recording.len() as f64) as usize;
+        while first < recording.len() {
+            let end = window_end(&recording.t, first, HORIZON).min(recording.len());
+            squares.push(window(&axis, recording, track, &along, first..end).error);
+            first = end;
+        }
+    }
+    Ok(squares)
+}
+
 fn windows(
     axis: &Axis,
     recording: &Recording,
@@ -161,10 +227,11 @@ fn windows(
     range: std::ops::Range<usize>,
     sums: &mut Sums,
 ) {
+    let along = Along::new(axis, track);
     let mut first = range.start;
     while first < range.end {
         let end = window_end(&recording.t, first, horizon).min(range.end);
-        sums.add(&window(axis, recording, track, first..end));
+        sums.add(&window(axis, recording, track, &along, first..end));
         first = end;
     }
 }
@@ -180,6 +247,7 @@ pub fn window(
     axis: &Axis,
     recording: &Recording,
     track: &Track,
+    along: &Along,
     samples: std::ops::Range<usize>,
 ) -> Sums {
     let positions = recording.q.is_some();
@@ -190,12 +258,12 @@ pub fn window(
         track.velocity_noise
     };
     let first = samples.start;
-    let start = measured_state(recording, track, first);
+    let start = along.start(recording, track, first);
     let states = simulate::run_axis(axis, recording, first, samples.end - 1, start);
     let mut sums = Sums::default();
     for (state, x) in states.iter().zip(&measured[samples]) {
         let predicted = if positions {
-            state.q - start.q
+            state.q - start.state.q
         } else {
             state.v - measured[first]
         };

@@ -77,17 +77,38 @@ impl Hold {
     }
 }
 
-/// Runs a mechanism from sample `first`, in state `from`, to sample `last`; one state for each sample, `from` included.
-pub fn run<const N: usize>(
+/// Where a free run of an axis starts.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Start {
+    /// What an encoder sees.
+    pub state: State,
+    /// Position and velocity of a load relative to the measured side; at ease where nothing is known of it.
+    pub load: Option<[f64; 2]>,
+    /// Deflection of the bristles, rad or m; at ease where nothing is known of it.
+    pub bend: Option<f64>,
+}
+
+impl From<State> for Start {
+    fn from(state: State) -> Self {
+        Self {
+            state,
+            load: None,
+            bend: None,
+        }
+    }
+}
+
+/// Runs a mechanism from sample `first`, where an encoder sees `from` and all else is as `state` says, to sample `last`;
+/// one state for each sample, `from` included.
+fn run<const N: usize>(
     plant: &impl Mechanism<N>,
     recording: &Recording,
-    first: usize,
-    last: usize,
+    (first, last): (usize, usize),
     from: State,
+    mut state: Memory<N>,
 ) -> Vec<State> {
     let mut states = Vec::with_capacity(last - first + 1);
     states.push(from);
-    let mut state = Memory::at_ease(plant, from);
     let mut hold = Hold::at(&recording.t, &recording.u, first, &plant.path());
     for k in first..last {
         state = hold.advance(plant, (&recording.t, &recording.u), k, 0.0, state);
@@ -96,18 +117,30 @@ pub fn run<const N: usize>(
     states
 }
 
-/// Runs an axis so, with the load behind its measured side if it has one.
+/// Runs an axis, with the load behind its measured side if it has one, from sample `first` to sample `last`; one state for
+/// each sample, that of the start included.
 pub fn run_axis(
     axis: &Axis,
     recording: &Recording,
     first: usize,
     last: usize,
-    from: State,
+    start: impl Into<Start>,
 ) -> Vec<State> {
-    match axis.coupling {
-        None => run(axis, recording, first, last, from),
-        Some(coupling) => run(&Loaded::new(axis, coupling), recording, first, last, from),
+    let start = start.into();
+    let samples = (first, last);
+    let bent = |z: f64| start.bend.unwrap_or(z);
+    let Some(coupling) = axis.coupling else {
+        let Memory { x, z } = Memory::at_ease(axis, start.state);
+        let memory = Memory { x, z: bent(z) };
+        return run(axis, recording, samples, start.state, memory);
+    };
+    let loaded = Loaded::new(axis, coupling);
+    let Memory { mut x, z } = Memory::at_ease(&loaded, start.state);
+    if let Some(load) = start.load {
+        [x[2], x[3]] = load;
     }
+    let memory = Memory { x, z: bent(z) };
+    run(&loaded, recording, samples, start.state, memory)
 }
 
 /// Advances an axis whose law has no state by `h` seconds under a constant drive.
@@ -133,7 +166,7 @@ pub fn advance(axis: &Axis, u: f64, state: State, h: f64) -> State {
 
 #[cfg(test)]
 mod tests {
-    use super::{State, run};
+    use super::{State, run_axis};
     use crate::axis::Axis;
     use crate::model::Model;
     use crate::recording::Recording;
@@ -160,7 +193,7 @@ mod tests {
     #[test]
     fn coulomb_friction_stops_the_axis_where_energy_says() {
         // ½·J·v² = Fc·x: from 10 rad/s it rests after 2.5 rad, exactly, and stays.
-        let states = run(
+        let states = run_axis(
             &axis(""),
             &recording(2000, |_| 0.0),
             0,
@@ -173,7 +206,7 @@ mod tests {
     #[test]
     fn below_break_away_nothing_moves_and_above_it_does() {
         let at_rest = State { q: 0.3, v: 0.0 };
-        let stays = run(
+        let stays = run_axis(
             &axis(""),
             &recording(500, |t| 0.19 * (20.0 * t).sin()),
             0,
@@ -181,7 +214,7 @@ mod tests {
             at_rest,
         );
         assert!(stays.iter().all(|s| *s == at_rest));
-        let moves = run(&axis(""), &recording(500, |_| 0.25), 0, 499, at_rest);
+        let moves = run_axis(&axis(""), &recording(500, |_| 0.25), 0, 499, at_rest);
         // v̇ = (0.25 − 0.2)/0.01 = 5 rad/s²
         assert!((moves[499].v - 5.0 * 0.499).abs() < 1e-9);
     }
@@ -189,7 +222,7 @@ mod tests {
     #[test]
     fn the_static_level_holds_what_the_coulomb_level_would_not() {
         let stribeck = axis("[effects.stribeck]\nstatic = 0.3\nstribeck_velocity = 0.1\n");
-        let states = run(
+        let states = run_axis(
             &stribeck,
             &recording(500, |_| 0.25),
             0,
@@ -197,7 +230,7 @@ mod tests {
             State { q: 0.0, v: 0.0 },
         );
         assert!(states[499].v == 0.0);
-        let sliding = run(
+        let sliding = run_axis(
             &stribeck,
             &recording(500, |_| 0.25),
             0,
@@ -211,8 +244,8 @@ mod tests {
     fn a_delay_shifts_the_response_by_itself() {
         let drive = |t: f64| if t < 0.1 { 0.0 } else { 1.0 };
         let from = State { q: 0.0, v: 0.0 };
-        let prompt = run(&axis(""), &recording(300, drive), 0, 299, from);
-        let late = run(
+        let prompt = run_axis(&axis(""), &recording(300, drive), 0, 299, from);
+        let late = run_axis(
             &axis("[effects.delay]\ndelay = 0.0205\n"),
             &recording(300, drive),
             0,
@@ -227,7 +260,7 @@ mod tests {
     fn a_pendulum_keeps_its_energy() {
         let text = "[plant]\nmotion = \"rotary\"\ninertia = 0.01\n[friction]\ncoulomb = 0.0\nviscous = 0.0\n[effects.gravity]\namplitude = 1.0\nphase = 0.0\n";
         let axis = Axis::new(&Model::parse(text).unwrap()).unwrap();
-        let states = run(
+        let states = run_axis(
             &axis,
             &recording(5000, |_| 0.0),
             0,
@@ -267,7 +300,7 @@ mod tests {
             v: None,
             input_unit: None,
         };
-        let states = run(&axis, &recording, 0, 39, State::default());
+        let states = run_axis(&axis, &recording, 0, 39, State::default());
         let since = 0.029;
         let exact = 100.0 * (since - 0.004 * (1.0 - f64::exp(-since / 0.004)));
         assert!(
@@ -276,8 +309,26 @@ mod tests {
             states[39].v
         );
         // Restarted in the middle, it knows where the lag stands.
-        let again = run(&axis, &recording, 15, 39, states[15]);
+        let again = run_axis(&axis, &recording, 15, 39, states[15]);
         assert!((again[24].v - exact).abs() < 1e-12);
+    }
+
+    /// A resistance that soars with the first bit of speed holds an axis that is driven little beyond break-away at a creep
+    /// too slow to see, and costs no more than any other step.
+    #[test]
+    fn a_power_law_creeps_and_then_slides() {
+        let law = "[effects.power-law-viscous]\ncoefficient = 0.5\nexponent = 0.2\n";
+        let from = State::default();
+        let creeps = run_axis(&axis(law), &recording(300, |_| 0.201), 0, 299, from);
+        // The excess of 0.001 N·m balances 0.5·v^0.2 at 3e-14 rad/s.
+        assert!(creeps.iter().all(|s| s.v.abs() < 1e-6 && s.q.abs() < 1e-6));
+        let slides = run_axis(&axis(law), &recording(15_000, |_| 1.2), 0, 14_999, from);
+        // 1 N·m balances 0.5·v^0.2 at 32 rad/s.
+        assert!(
+            (slides[14_999].v - 32.0).abs() < 0.1,
+            "{}",
+            slides[14_999].v
+        );
     }
 
     #[test]

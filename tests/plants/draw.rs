@@ -175,13 +175,27 @@ impl Basis<'_> {
             "delay" => (Law::Delay, 1e-3 + 0.02 * size),
             "presliding" => self.bristles(rng, axis),
             "position-dependent-friction" => {
-                let wave = TAU / (between(rng, 0.4, 1.2) * (self.look.hi - self.look.lo));
+                let wave = self.slow_wave(rng);
                 (Law::PositionDependentFriction { wave, phase }, 3.0 * torque)
             }
             "position-dependent-viscous" => {
-                let wave = TAU / (between(rng, 0.4, 1.2) * (self.look.hi - self.look.lo));
-                let law = Law::PositionDependentViscous { wave, phase };
-                (law, 5.0 * torque / top)
+                let wave = self.slow_wave(rng);
+                (
+                    Law::PositionDependentViscous { wave, phase },
+                    5.0 * torque / top,
+                )
+            }
+            "centrifugal" => {
+                let wave = self.slow_wave(rng);
+                (Law::Centrifugal { wave, phase }, 6.0 * torque / (top * top))
+            }
+            "fading-gain" => {
+                let end = self.recipe.duration;
+                (Law::FadingGain { end }, 4.0 * size)
+            }
+            "jamming" => {
+                let periods = [between(rng, 2.0, 4.0), between(rng, 5.0, 9.0)];
+                (Law::Jamming { periods, phase }, 3.0 * torque)
             }
             "thermal-drift" => {
                 let tau = between(rng, 4.0, 15.0);
@@ -243,6 +257,11 @@ impl Basis<'_> {
             velocity: self.look.top_speed * log_between(rng, least, 0.15),
             fall,
         }
+    }
+
+    /// About one period in the travel.
+    fn slow_wave(&self, rng: &mut ChaCha8Rng) -> f64 {
+        TAU / (between(rng, 0.4, 1.2) * (self.look.hi - self.look.lo))
     }
 
     /// 4 to 40 whole periods a turn, or 10 to 60 in the travel; below a twelfth of the sample rate.

@@ -100,6 +100,21 @@ pub(super) enum Law {
         wave: f64,
         phase: f64,
     },
+    /// `x`: torque per squared speed, as a body that turns with a joint exerts; no effect of the contract's catalogue.
+    Centrifugal {
+        wave: f64,
+        phase: f64,
+    },
+    /// `x`: share of the drive's gain lost at the end, evenly over `end` seconds; no effect of the contract's catalogue.
+    FadingGain {
+        end: f64,
+    },
+    /// `x`: friction level added while two slow waves of those periods, in s, add up to more than one; no effect of the
+    /// contract's catalogue.
+    Jamming {
+        periods: [f64; 2],
+        phase: f64,
+    },
     /// `x`: seconds. Applied by the sampled loop.
     ActuatorLag,
     /// `x`: square of the load's period, s², with the other side held; `share`: of the inertia. Applied by the integrator.
@@ -123,8 +138,9 @@ pub(super) enum Law {
 
 impl Effect {
     /// Torque of the drive after this effect.
-    pub fn drive(&self, u: f64, q: f64) -> f64 {
+    pub fn drive(&self, u: f64, q: f64, t: f64) -> f64 {
         match self.law {
+            Law::FadingGain { end } => u * (1.0 - self.x * t / end),
             Law::InputDeadZone => (u.abs() - self.x).max(0.0).copysign(u),
             Law::Saturation { peak } => {
                 let limit = peak * (-self.x).exp();
@@ -143,10 +159,11 @@ impl Effect {
         }
     }
 
-    /// Torque that depends on position and time alone.
-    pub fn external(&self, q: f64, t: f64) -> f64 {
+    /// Torque that does not depend on the direction of motion.
+    pub fn external(&self, q: f64, v: f64, t: f64) -> f64 {
         let x = self.x;
         match self.law {
+            Law::Centrifugal { wave, phase } => x * v * v * (wave * q + phase).sin(),
             Law::DirectionAsymmetry { side, most } => -side * (x - most).max(0.0),
             Law::Gravity { phase } => -x * (q + phase).sin(),
             Law::Spring => -x * q,
@@ -181,6 +198,10 @@ impl Effect {
             }
             Law::PositionDependentViscous { wave, phase } => {
                 0.5 * x * speed * (1.0 + (wave * at.q + phase).sin())
+            }
+            Law::Jamming { periods, phase } => {
+                let waves = periods.map(|p| (TAU * at.t / p + phase).sin());
+                if waves[0] + waves[1] > 1.0 { x } else { 0.0 }
             }
             Law::ThermalDrift { tau } => x * speed * (-at.t / tau).exp(),
             Law::LoadDependentFriction => x * at.load,
@@ -229,7 +250,15 @@ impl Effect {
                 ("stribeck_velocity", stribeck),
                 ("damping_ratio", damping),
             ],
+            Law::FadingGain { end } => vec![("lost", x), ("end", end)],
+            Law::Jamming { periods, phase } => vec![
+                ("rise", x),
+                ("period", periods[0]),
+                ("second_period", periods[1]),
+                ("phase", phase),
+            ],
             Law::PositionDependentFriction { wave, phase }
+            | Law::Centrifugal { wave, phase }
             | Law::PositionDependentViscous { wave, phase } => {
                 vec![("rise", x), ("wave", wave), ("phase", phase)]
             }

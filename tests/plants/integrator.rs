@@ -1,4 +1,4 @@
-//! One step of the motion: `J·dv/dt = drive + external(q, t) − F·s`, `s` in `Sgn(v)`.
+//! One step of the motion: `J·dv/dt = drive + external(q, v, t) − F·s`, `s` in `Sgn(v)`.
 //!
 //! The friction impulse is a projection: if the free velocity after the step is smaller than the impulse
 //! at zero speed can undo, the axis rests, exactly. Otherwise friction acts against the free velocity,
@@ -53,12 +53,12 @@ impl Axis {
         let q = x.q + 0.5 * h * x.v;
         let mut torque = u;
         for effect in &self.effects {
-            torque = effect.drive(torque, q);
+            torque = effect.drive(torque, q, t + 0.5 * h);
         }
         let load = torque.abs();
         torque += process;
         for effect in &self.effects {
-            torque += effect.external(q, t + 0.5 * h);
+            torque += effect.external(q, x.v, t + 0.5 * h);
         }
         torque -= self.spring(x, h);
         let free = x.v + h / self.own_inertia() * torque;

@@ -67,7 +67,12 @@ pub const NAMED: [&str; 24] = [
 ];
 
 /// Effects that it does not name: to be called unknown, or at least not misnamed badly.
-pub const OTHERS: [&str; 1] = ["position-dependent-viscous"];
+pub const OTHERS: [&str; 4] = [
+    "position-dependent-viscous",
+    "centrifugal",
+    "fading-gain",
+    "jamming",
+];
 
 /// What a drive would have logged, and what was true.
 #[derive(Clone, Debug)]

@@ -68,7 +68,8 @@ pub struct Recipe {
 }
 
 /// Effects in position: they need travel that is bounded, hence position control.
-const BOUNDED: [&str; 5] = [
+const BOUNDED: [&str; 6] = [
+    "centrifugal",
     "gravity",
     "spring",
     "hardening-spring",

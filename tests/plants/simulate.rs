@@ -233,7 +233,7 @@ impl Effect {
             Law::Presliding { .. } => axis.coulomb * p.side - p.bristle,
             _ => {
                 let friction = self.friction(p.v.abs(), p.side, &at);
-                self.drive(p.u, p.q) - p.u + self.external(p.q, p.t) - p.side * friction
+                self.drive(p.u, p.q, p.t) - p.u + self.external(p.q, p.v, p.t) - p.side * friction
             }
         }
     }

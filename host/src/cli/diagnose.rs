@@ -111,8 +111,12 @@ impl Command {
             progress.say(what);
         })
         .map_err(|e| named(e, &self.recordings, &self.model))?;
-        progress.say("planning the next experiment");
-        let next = experiment::next(&outcome, &bench, &recordings)?;
+        let next = if self.next_experiment.is_some() || experiment::undecided(&outcome.diagnosis) {
+            progress.say("planning the next experiment");
+            experiment::next(&outcome, &bench, &recordings)?
+        } else {
+            None
+        };
         progress.say("writing");
         let mut outputs = Outputs::default();
         outputs.add(self.model_out.as_ref(), || Ok(outcome.after.to_toml()))?;

@@ -1,40 +1,78 @@
 //! What the held-out part says of the effects that the training part selected.
 
-use super::select::{self, Selected};
+use super::select::{self, Scope, Selection};
 use super::whitened;
+use crate::effects::Effect;
 use crate::error::Result;
 use crate::fit;
 use crate::identify::Workbench;
-use crate::model::Model;
+use crate::model::{Causality, Model};
 use crate::recording::Recording;
 use crate::weak::Part;
 
-/// χ² of the held-out rows.
-fn held_out_chi2(bench: &Workbench, model: &Model) -> f64 {
-    let z = whitened(bench, model);
-    z.iter()
-        .zip(&bench.problem.rows)
-        .filter(|(_, r)| r.part == Part::HeldOut)
-        .map(|(z, _)| z * z)
-        .sum()
+/// What one model predicts of the held-out rows that another does not.
+pub(super) struct HeldOut {
+    /// `Σ(z − z')²` of the whitened residuals: the fall of χ² to expect if the difference is real.
+    pub expected: f64,
+    /// The fall of χ².
+    pub fall: f64,
 }
 
-/// Selects effects and confirms them on the held-out part; what that part refutes makes room for others.
+impl HeldOut {
+    /// Compares a model with one that lacks something.
+    pub fn of(bench: &Workbench, with: &Model, without: &Model) -> Self {
+        let (with, without) = (whitened(bench, with), whitened(bench, without));
+        let rows = with.iter().zip(&without).zip(&bench.problem.rows);
+        let rows = rows.filter(|(_, row)| row.part == Part::HeldOut);
+        rows.fold(
+            Self {
+                expected: 0.0,
+                fall: 0.0,
+            },
+            |sums, ((with, without), _)| Self {
+                expected: sums.expected + (with - without).powi(2),
+                fall: sums.fall + without * without - with * with,
+            },
+        )
+    }
+
+    /// Whether the difference is large enough for the rows to tell: the fall scatters by twice the root of what is
+    /// expected of it, and must be expected to be at least twice that.
+    pub fn tells(&self) -> bool {
+        self.expected >= 16.0
+    }
+
+    /// Whether it shows: in at least half of the fall to expect.
+    pub fn shows_again(&self) -> bool {
+        self.tells() && self.fall >= 0.5 * self.expected
+    }
+}
+
+/// Adds to a selection what else is left out, and confirms all of it on the held-out part; what that part refutes makes
+/// room for others.
 pub(super) fn confirmed(
-    bench: &Workbench,
+    scope: &Scope,
     before: &Model,
+    start: &Selection,
     recordings: &[Recording],
     progress: &dyn Fn(&str),
-) -> Result<(Vec<Selected>, Model)> {
+) -> Result<Selection> {
     let mut refuted: Vec<&str> = Vec::new();
     loop {
-        let (selected, after) = select::select(bench, before, recordings, &refuted, progress)?;
+        let open = |effect: &dyn Effect| (scope.sought)(effect) && !refuted.contains(&effect.id());
+        let open = Scope {
+            sought: &open,
+            ..*scope
+        };
+        let selection = select::select(&open, before, start.clone(), recordings, progress)?;
         progress("confirming on the held-out part");
-        let ids: Vec<&str> = selected.iter().map(|s| s.trial.effect.id()).collect();
-        let (kept, after) = confirm(bench, before, selected, after, recordings)?;
+        let known = |id: &&str| start.0.iter().any(|s| s.trial.effect.id() == *id);
+        let ids = selection.0.iter().map(|s| s.trial.effect.id());
+        let added: Vec<&str> = ids.filter(|id| !known(id)).collect();
+        let (kept, after) = confirm(scope.bench, before, selection, recordings)?;
         let dropped = |id: &&str| !kept.iter().any(|s| s.trial.effect.id() == *id);
         let count = refuted.len();
-        refuted.extend(ids.into_iter().filter(dropped));
+        refuted.extend(added.into_iter().filter(dropped));
         if refuted.len() == count {
             return Ok((kept, after));
         }
@@ -42,26 +80,34 @@ pub(super) fn confirmed(
 }
 
 /// Drops effects without which the held-out part is predicted as well: weak-form error and free run both count, as far
-/// as the axis moves enough there for them to tell.
+/// as the axis moves enough there for them to tell, and the effect acts there at all. A load that came and went before is
+/// left to the cross-validation.
 fn confirm(
     bench: &Workbench,
     before: &Model,
-    mut selected: Vec<Selected>,
-    mut after: Model,
+    (mut selected, mut after): Selection,
     recordings: &[Recording],
-) -> Result<(Vec<Selected>, Model)> {
+) -> Result<Selection> {
     let rows = bench.problem.count(Part::HeldOut);
     let mut k = selected.len();
     while k > 0 {
         k -= 1;
-        let (without, _) = bench.estimate(&select::without(&after, before.terms.len() + k))?;
-        let judge = |model: &Model| fit::judge(model, recordings, &bench.problem.tracks);
-        let (with_it, without_it) = (judge(&after)?, judge(&without)?);
-        let moves = with_it.held_out.signal > LEAST_MOTION * with_it.train.signal;
-        let weak_form_helps =
-            rows < FEWEST_HELD_OUT || held_out_chi2(bench, &after) < held_out_chi2(bench, &without);
-        let free_run_helps =
-            !moves || with_it.held_out.nrmse < FREE_RUN_TOLERANCE * without_it.held_out.nrmse;
+        let term = before.terms.len() + k;
+        let lacking = select::without(&after, term);
+        let dominates = selected[k].trial.gain.share >= DOMINANT;
+        if dominates && !HeldOut::of(bench, &after, &lacking).tells() {
+            continue;
+        }
+        let (without, _) = bench.estimate(&lacking)?;
+        let held_out = HeldOut::of(bench, &after, &without);
+        let few = rows < FEWEST_HELD_OUT;
+        let weak_form_helps = few || held_out.fall > 0.0;
+        let chance = if !few && held_out.shows_again() {
+            BY_CHANCE
+        } else {
+            0.0
+        };
+        let free_run_helps = !worsens(bench, &after, &without, recordings, chance)?;
         if !(weak_form_helps && free_run_helps) {
             selected.remove(k);
             after = without;
@@ -70,9 +116,65 @@ fn confirm(
     Ok((selected, after))
 }
 
+/// By which factor the RMS of the whitened residual in the held-out part exceeds that in the training part; 1 with too few
+/// rows to say.
+pub(super) fn departure(bench: &Workbench, model: &Model) -> f64 {
+    let z = whitened(bench, model);
+    let mean_square = |part: Part| {
+        let rows = z.iter().zip(&bench.problem.rows);
+        let squares = rows.filter(|(_, r)| r.part == part).map(|(z, _)| z * z);
+        squares.sum::<f64>() / bench.problem.count(part).max(1) as f64
+    };
+    if bench.problem.count(Part::HeldOut) < FEWEST_HELD_OUT {
+        return 1.0;
+    }
+    (mean_square(Part::HeldOut) / mean_square(Part::Train).max(f64::MIN_POSITIVE)).sqrt()
+}
+
+/// Whether a model predicts the held-out part worse than another: by more than [`FREE_RUN_TOLERANCE`] and, window against
+/// window, by more than so many standard errors. Where the axis hardly moves, nothing can be said.
+fn worsens(
+    bench: &Workbench,
+    model: &Model,
+    other: &Model,
+    recordings: &[Recording],
+    chance: f64,
+) -> Result<bool> {
+    let tracks = &bench.problem.tracks;
+    let (fit, instead) = (
+        fit::judge(model, recordings, tracks)?,
+        fit::judge(other, recordings, tracks)?,
+    );
+    let moves = fit.held_out.signal > LEAST_MOTION * fit.train.signal;
+    if !moves || fit.held_out.nrmse < FREE_RUN_TOLERANCE * instead.held_out.nrmse {
+        return Ok(false);
+    }
+    if model.causality == Causality::Inverse {
+        return Ok(true);
+    }
+    let squares = |model: &Model| fit::held_out_windows(model, recordings, tracks);
+    let pairs = squares(model)?.into_iter().zip(squares(other)?);
+    let rises: Vec<f64> = pairs.map(|(with, without)| with - without).collect();
+    Ok(rises.len() < FEWEST_WINDOWS || t(&rises) > chance)
+}
+
+/// Student's t of a mean.
+fn t(x: &[f64]) -> f64 {
+    let count = x.len() as f64;
+    let mean = x.iter().sum::<f64>() / count;
+    let variance = x.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    mean / (variance / count).sqrt().max(f64::MIN_POSITIVE)
+}
+
 /// A held-out free run over a handful of windows scatters by a few per cent through its measured starting
 /// velocities alone.
 const FREE_RUN_TOLERANCE: f64 = 1.05;
+/// An effect that explains this share of the squared error in the training part needs no held-out part.
+const DOMINANT: f64 = 0.5;
+/// Windows that can show a scatter.
+const FEWEST_WINDOWS: usize = 4;
+/// A rise by this many standard errors is chance in one of six cases: none against an effect that the weak form shows again.
+const BY_CHANCE: f64 = 1.0;
 /// A held-out part that moves by less than this share of the training part's motion says nothing about a free run.
 const LEAST_MOTION: f64 = 0.1;
 /// Nor do fewer rows than this about the weak form.

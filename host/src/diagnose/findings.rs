@@ -19,11 +19,11 @@ pub(super) fn findings(
     selected: &[Selected],
     after: &Model,
     recordings: &[Recording],
-    base_error: f64,
 ) -> Result<(Vec<Finding>, Fit)> {
     let first = baseline.model.terms.len();
     let mut findings: Vec<Finding> = Vec::new();
     let mut last_fit = baseline.fit;
+    let base_error = error(bench, &baseline.model)?;
     let mut last_error = base_error;
     let mut last_z = whitened(bench, &baseline.model);
     let mut last_stage = baseline.model.clone();

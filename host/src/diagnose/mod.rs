@@ -5,6 +5,7 @@ mod findings;
 mod locate;
 mod outcome;
 mod select;
+mod sharpen;
 mod trial;
 
 pub use findings::{estimate, estimates};
@@ -22,7 +23,8 @@ use crate::recording::Recording;
 use crate::system;
 use confirm::confirmed;
 use findings::findings;
-use select::Leftover;
+use select::{Leftover, Scope};
+use sharpen::sharpened;
 
 /// A model whose free run errs by more than this share of the motion on both parts is not adequate, whatever the weak
 /// form can tell apart.
@@ -30,6 +32,10 @@ const HOPELESS: f64 = 0.5;
 
 /// Share of what generic functions gain that the named effects must reach: below it, the names are not the physics.
 const SHARE_OF_GENERIC: f64 = 0.6;
+
+/// Where the held-out part errs by more than this many times the error of the training part, something acts there that the
+/// training part did not show.
+const DEPARTS: f64 = 2.0;
 
 /// Diagnoses a baseline that has been fitted on a workbench. `progress` is told what is being done.
 pub fn diagnose(
@@ -39,7 +45,9 @@ pub fn diagnose(
     progress: &dyn Fn(&str),
 ) -> Result<Outcome> {
     let before = &baseline.model;
-    let (selected, after) = confirmed(bench, before, recordings, progress)?;
+    let nothing = (Vec::new(), before.clone());
+    let found = confirmed(&Scope::usual(bench), before, &nothing, recordings, progress)?;
+    let ((selected, after), fine) = sharpened(bench, before, found, recordings, progress)?;
     progress("looking for what is left");
     let base_error = error(bench, before)?;
     let mut leftover = select::leftover(bench, &after)?;
@@ -54,21 +62,27 @@ pub fn diagnose(
     } else {
         (selected, after)
     };
-    if !selected.is_empty() {
-        progress("how certain it is");
-        bench.settle(&mut after, recordings);
+    let departure = confirm::departure(bench, &after);
+    let departs = departure > DEPARTS && select::counts(bench, &after);
+    progress("how certain it is");
+    // What windows of the usual width do not show is told by those that do.
+    let fine = fine.filter(|_| !selected.is_empty());
+    match &fine {
+        Some(fast) => after = fast.settle(bench, &after, recordings)?,
+        None if !selected.is_empty() => bench.settle(&mut after, recordings),
+        None => {}
     }
+    let bench = fine.as_ref().map_or(bench, |fast| &fast.bench);
     let hopeless =
         selected.is_empty() && baseline.fit.train.nrmse.min(baseline.fit.held_out.nrmse) > HOPELESS;
-    let verdict = if significant || hopeless {
+    let verdict = if significant || departs || hopeless {
         Verdict::Unknown
     } else if selected.is_empty() {
         Verdict::Adequate
     } else {
         Verdict::Explained
     };
-    let (findings, after_fit) =
-        findings(bench, baseline, &selected, &after, recordings, base_error)?;
+    let (findings, after_fit) = findings(bench, baseline, &selected, &after, recordings)?;
     let z_before = whitened(bench, before);
     let z_after = if selected.is_empty() {
         vec![1.0; z_before.len()]
@@ -81,7 +95,7 @@ pub fn diagnose(
         schema: "bristle.diagnosis/1",
         verdict,
         warnings: check::warnings(bench, before, recordings),
-        text: verdict_sentence(verdict, &findings, unexplained.as_ref()),
+        text: verdict_sentence(verdict, &findings, unexplained.as_ref(), departs),
         baseline: Baseline {
             parameters: estimates(before, None),
             fit: baseline.fit,
@@ -95,6 +109,7 @@ pub fn diagnose(
             before: baseline.fit,
             after: after_fit,
         },
+        departure,
         half_width: bench.problem.half_widths().collect(),
     };
     Ok(Outcome {
@@ -126,6 +141,7 @@ fn verdict_sentence(
     verdict: Verdict,
     findings: &[Finding],
     unexplained: Option<&Unexplained>,
+    departs: bool,
 ) -> String {
     let names: Vec<String> = findings
         .iter()
@@ -140,6 +156,9 @@ fn verdict_sentence(
         ),
         Verdict::Unknown => {
             let Some(unexplained) = unexplained else {
+                if departs {
+                    return "The last 30 % of the recording, which no fit has seen, depart from what the rest says: something acts there that the rest does not show. Record again so that all levels of drive, speed and position come early and late.".to_owned();
+                }
                 return "The model hardly predicts the motion, and the recording is too noisy or too uniform to tell what is left out: record again with both directions, several speeds and reversals.".to_owned();
             };
             let coordinate = unexplained

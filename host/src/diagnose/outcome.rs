@@ -151,6 +151,8 @@ pub struct Diagnosis {
     pub parameters: Estimates,
     /// Before and after.
     pub fit: BeforeAfter,
+    /// By which factor the whitened residual of the final model is larger in the held-out part than in the training part.
+    pub departure: f64,
     /// Half-width of the test functions, s, of each recording.
     pub half_width: Vec<f64>,
 }

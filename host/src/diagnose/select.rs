@@ -2,8 +2,9 @@
 
 use rayon::prelude::*;
 
+use super::confirm;
 use super::trial::{Base, Gain, Trial};
-use crate::effects::{self, Path};
+use crate::effects::{self, Effect, Path, Seat};
 use crate::error::Result;
 use crate::fit;
 use crate::identify::Workbench;
@@ -22,15 +23,18 @@ const SMALLEST: f64 = 0.005;
 /// The instant of a reversal is uncertain by about this share of a sampling interval.
 const TIMING: f64 = 0.1;
 /// Least t of a gain: 5 % one-sided, with the four degrees of freedom of five folds.
-const CERTAIN: f64 = 2.13;
+pub(super) const CERTAIN: f64 = 2.13;
 /// Least fall of BIC: odds of e³ against the simpler model beyond the price of parameters and search.
-const LEAST_DELTA_BIC: f64 = 6.0;
+pub(super) const LEAST_DELTA_BIC: f64 = 6.0;
 /// Most effects named at once.
 const MOST: usize = 5;
 
 /// An effect that was selected, with what it competed against.
+#[derive(Clone)]
 pub(super) struct Selected {
     pub trial: Trial,
+    /// Whether only windows narrower than usual show it.
+    pub fast: bool,
     /// Other effects that would have passed at the same stage, best first.
     pub others: Vec<Trial>,
 }
@@ -47,29 +51,60 @@ pub(super) struct Leftover {
     pub coordinates: Vec<(&'static str, f64)>,
 }
 
-/// Effects left out of `model`, strongest first, and the model that has them, refined. Those in `excluded` are not tried.
+/// What has been selected so far, strongest first, and the model that has it, refined.
+pub(super) type Selection = (Vec<Selected>, Model);
+
+/// Where effects are sought, which, and what speaks for one.
+#[derive(Clone, Copy)]
+pub(super) struct Scope<'a> {
+    /// Where they are tried.
+    pub bench: &'a Workbench,
+    /// Where those found earlier are re-examined: under the windows that they were found with.
+    pub usual: &'a Workbench,
+    /// The effects to try.
+    pub sought: &'a (dyn Fn(&dyn Effect) -> bool + Sync),
+    /// Whether the evidence suffices.
+    pub passes: &'a (dyn Fn(&Trial) -> bool + Sync),
+    /// Whether it is for what only windows narrower than usual show. Otherwise an effect without sufficient evidence counts
+    /// if it predicts better: see [`rescued`].
+    pub fast: bool,
+}
+
+impl<'a> Scope<'a> {
+    /// The usual search, through the whole catalogue.
+    pub fn usual(bench: &'a Workbench) -> Self {
+        Self {
+            bench,
+            usual: bench,
+            sought: &|_| true,
+            passes: &passes,
+            fast: false,
+        }
+    }
+}
+
+/// Adds to a selection what else `model` leaves out.
 pub(super) fn select(
-    bench: &Workbench,
+    scope: &Scope,
     model: &Model,
+    (mut selected, mut current): Selection,
     recordings: &[Recording],
-    excluded: &[&str],
     progress: &dyn Fn(&str),
-) -> Result<(Vec<Selected>, Model)> {
-    let mut selected: Vec<Selected> = Vec::new();
-    let mut current = model.clone();
+) -> Result<Selection> {
+    let bench = scope.bench;
     // A round that makes an earlier effect superfluous does not add to their number, hence the bound on rounds.
     for round in 1..=2 * MOST {
         if selected.len() == MOST {
             break;
         }
         progress(&format!("trying the catalogue, round {round}"));
-        let Some(found) = best(bench, &current, recordings, excluded)? else {
+        let Some(found) = best(scope, &current, recordings)? else {
             break;
         };
         let (next, _) = bench.estimate(&with_trial(&current, &found.trial))?;
         selected.push(found);
         current = next;
-        current = reexamine(bench, model, &mut selected, current, recordings)?;
+        current = reexamine(scope, model, &mut selected, current, recordings)?;
     }
     Ok((selected, current))
 }
@@ -88,48 +123,69 @@ pub(super) fn with_trial(model: &Model, trial: &Trial) -> Model {
 }
 
 fn passes(trial: &Trial) -> bool {
-    trial.gain.share >= FLOOR && trial.gain.t >= CERTAIN && trial.delta_bic >= LEAST_DELTA_BIC
+    trial.certain() && trial.reaches(FLOOR, LEAST_DELTA_BIC)
 }
 
-/// Every effect not yet in the model, tried on it; best first.
-fn trials(base: &Base, model: &Model, excluded: &[&str]) -> Result<Vec<Trial>> {
-    let given = model.given();
-    let open = effects::ALL.par_iter().filter(|e| {
-        e.unsuited(given).is_none() && !model.has(e.id()) && !excluded.contains(&e.id())
-    });
+/// Whether a model has room for an effect: it does not have it yet, such an axis can show it, and only one load can hang on
+/// an axis.
+fn fits_in(effect: &dyn Effect, model: &Model) -> bool {
+    let hangs = |e: &dyn Effect| e.seat() == Seat::Load;
+    let loaded = model.terms.iter().any(|t| hangs(t.effect));
+    effect.unsuited(model.given()).is_none()
+        && !model.has(effect.id())
+        && !(loaded && hangs(effect))
+}
+
+/// Every effect that a model has room for, tried on it; best first.
+fn trials(
+    base: &Base,
+    model: &Model,
+    sought: &(dyn Fn(&dyn Effect) -> bool + Sync),
+) -> Result<Vec<Trial>> {
+    let open = effects::ALL
+        .par_iter()
+        .filter(|e| fits_in(**e, model) && sought(**e));
     let tried: Result<Vec<Option<Trial>>> = open.map(|&effect| base.attempt(effect)).collect();
     let mut trials: Vec<Trial> = tried?.into_iter().flatten().collect();
     trials.sort_by(|a, b| b.delta_bic.total_cmp(&a.delta_bic));
     Ok(trials)
 }
 
-/// The effect with the best evidence among those that pass.
-///
-/// Where none does because noise on the input drowns their share of the weak form, those count that cut the error of
-/// the free run, which averages that noise: see [`predicts_better`].
-fn best(
-    bench: &Workbench,
-    model: &Model,
-    recordings: &[Recording],
-    excluded: &[&str],
-) -> Result<Option<Selected>> {
+/// The effect with the best evidence among those that pass, or else among those that are [`rescued`].
+fn best(scope: &Scope, model: &Model, recordings: &[Recording]) -> Result<Option<Selected>> {
+    let &Scope { bench, .. } = scope;
     let Some(base) = Base::new(bench, model)? else {
         return Ok(None);
     };
-    let (mut passing, rest): (Vec<Trial>, Vec<Trial>) = trials(&base, model, excluded)?
+    let (mut passing, rest): (Vec<Trial>, Vec<Trial>) = trials(&base, model, scope.sought)?
         .into_iter()
-        .partition(passes);
-    if passing.is_empty() {
-        let better = |trial: &Trial| predicts_better(bench, model, trial, recordings);
-        let better: Result<Vec<bool>> = rest.par_iter().map(better).collect();
-        let rest = rest.into_iter().zip(better?);
-        passing.extend(rest.filter_map(|(trial, better)| better.then_some(trial)));
+        .partition(scope.passes);
+    if passing.is_empty() && !scope.fast {
+        let counts: Result<Vec<bool>> = rest
+            .par_iter()
+            .map(|trial| rescued(bench, model, trial, recordings))
+            .collect();
+        let rest = rest.into_iter().zip(counts?);
+        passing.extend(rest.filter_map(|(trial, counts)| counts.then_some(trial)));
     }
     let mut passing = passing.into_iter();
     Ok(passing.next().map(|trial| Selected {
         trial,
+        fast: scope.fast,
         others: passing.collect(),
     }))
+}
+
+/// Whether an effect counts although its gain in the weak form does not suffice: because noise on the input drowns it,
+/// which the free run averages ([`predicts_better`]), or because it acts too rarely for its gain to be told from chance
+/// fold by fold ([`shows_again`]).
+fn rescued(
+    bench: &Workbench,
+    model: &Model,
+    trial: &Trial,
+    recordings: &[Recording],
+) -> Result<bool> {
+    Ok(shows_again(bench, model, trial)? || predicts_better(bench, model, trial, recordings)?)
 }
 
 /// Whether an effect with significant evidence halves the squared error of the free run, on the training part and on
@@ -152,9 +208,19 @@ fn predicts_better(
         && halves(before.held_out.nrmse, after.held_out.nrmse))
 }
 
-/// Drops effects that those selected later have made superfluous.
+/// Whether an effect with large and significant, but rare gains in the training part acts in the held-out part, too, and
+/// takes there at least half of what it should off χ².
+fn shows_again(bench: &Workbench, model: &Model, trial: &Trial) -> Result<bool> {
+    if trial.delta_bic < LEAST_DELTA_BIC || trial.gain.share < FLOOR {
+        return Ok(false);
+    }
+    let (with, _) = bench.estimate(&with_trial(model, trial))?;
+    Ok(confirm::HeldOut::of(bench, &with, model).shows_again())
+}
+
+/// Drops effects that those selected later have made superfluous, each judged under the windows that it was found with.
 fn reexamine(
-    bench: &Workbench,
+    scope: &Scope,
     baseline: &Model,
     selected: &mut Vec<Selected>,
     full: Model,
@@ -164,19 +230,25 @@ fn reexamine(
     let mut k = 0;
     while selected.len() > 1 && k + 1 < selected.len() {
         let without = without(&current, baseline.terms.len() + k);
+        let bench = if selected[k].fast {
+            scope.bench
+        } else {
+            scope.usual
+        };
         let trial = match Base::new(bench, &without)? {
             Some(base) => base.attempt(selected[k].trial.effect)?,
             None => None,
         };
         let needed = match trial {
-            Some(trial) => passes(&trial) || predicts_better(bench, &without, &trial, recordings)?,
+            Some(trial) if selected[k].fast => (scope.passes)(&trial),
+            Some(trial) => passes(&trial) || rescued(bench, &without, &trial, recordings)?,
             None => false,
         };
         if needed {
             k += 1;
         } else {
             selected.remove(k);
-            current = bench.estimate(&without)?.0;
+            current = scope.bench.estimate(&without)?.0;
         }
     }
     Ok(current)
@@ -231,6 +303,11 @@ pub(super) fn leftover(bench: &Workbench, model: &Model) -> Result<Leftover> {
             && best.into_iter().any(|g| g.share >= FLOOR && g.t >= CERTAIN),
         coordinates: gains.into_iter().map(|(name, g)| (name, g.share)).collect(),
     })
+}
+
+/// Whether what a model leaves of the torque is large enough to count.
+pub(super) fn counts(bench: &Workbench, model: &Model) -> bool {
+    relative_residual(bench, model) >= smallest(bench)
 }
 
 /// The size from which on something unexplained counts: [`SMALLEST`], or what uncertain reversals leave where few samples

@@ -1,5 +1,6 @@
 //! One effect tried on top of a model.
 
+use super::select::CERTAIN;
 use crate::effects::{Effect, Inner};
 use crate::error::Result;
 use crate::identify::Workbench;
@@ -17,6 +18,18 @@ pub(super) struct Trial {
     pub delta_bic: f64,
     /// How much the cross-validated squared error falls.
     pub gain: Gain,
+}
+
+impl Trial {
+    /// Whether its gain is no chance of a few folds.
+    pub fn certain(&self) -> bool {
+        self.gain.t >= CERTAIN
+    }
+
+    /// Whether it takes that share off the squared error and BIC falls so far.
+    pub fn reaches(&self, share: f64, delta_bic: f64) -> bool {
+        self.gain.share >= share && self.delta_bic >= delta_bic
+    }
 }
 
 /// A model with numbers, its whitened system and its score: what candidates are compared with.

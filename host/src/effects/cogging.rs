@@ -66,6 +66,9 @@ impl Effect for Cogging {
     fn width(&self) -> usize {
         2
     }
+    fn fast(&self) -> bool {
+        true
+    }
     fn inner(&self) -> Option<usize> {
         Some(2)
     }

@@ -76,6 +76,9 @@ impl Effect for Compliance {
     fn seat(&self) -> Seat {
         Seat::Load
     }
+    fn fast(&self) -> bool {
+        true
+    }
     fn inner(&self) -> Option<usize> {
         Some(1)
     }

@@ -119,6 +119,10 @@ pub trait Effect: Sync {
     fn timed(&self) -> bool {
         false
     }
+    /// Whether it may act faster than windows of the usual width pass.
+    fn fast(&self) -> bool {
+        false
+    }
     /// How its inner parameters are found.
     fn search(&self) -> Search {
         Search::Grid

@@ -74,6 +74,9 @@ impl Effect for PeriodicDisturbance {
     fn width(&self) -> usize {
         2
     }
+    fn fast(&self) -> bool {
+        true
+    }
     fn inner(&self) -> Option<usize> {
         Some(2)
     }

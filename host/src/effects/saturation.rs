@@ -18,7 +18,7 @@
 //! # References
 //! K. J. Åström, L. Rundqwist, Integrator windup and how to avoid it, American Control Conference 1989.
 
-use super::{Confusion, Effect, Given, Motion, Path, Quantity, Seat, Spec, Survey, uncut};
+use super::{Confusion, Effect, Given, Motion, Path, Quantity, Seat, Spec, Survey, geometric, uncut};
 use crate::format::significant;
 
 pub(super) struct Saturation;
@@ -69,12 +69,12 @@ impl Effect for Saturation {
         Some(0)
     }
     fn grid(&self, survey: &Survey) -> Vec<f64> {
-        // From where most of the input is cut to where almost none is.
+        // A controller that winds up may ask for many times the limit; where only peaks are cut, steps must be small.
         let (rms, most) = survey.input;
         let low = 0.7 * rms.min(most);
-        (0..20)
-            .map(|k| low + (most - low) * (f64::from(k) + 0.5) / 20.0)
-            .collect()
+        let deep = geometric(0.05 * low, low, 12).into_iter();
+        let peaks = (0..20).map(|k| low + (most - low) * (f64::from(k) + 0.5) / 20.0);
+        deep.chain(peaks).collect()
     }
     fn transmit(&self, p: &[f64], path: &mut Path) {
         path.limit = path.limit.min(p[0]);

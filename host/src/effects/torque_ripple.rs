@@ -72,6 +72,9 @@ impl Effect for TorqueRipple {
     fn driven(&self) -> bool {
         true
     }
+    fn fast(&self) -> bool {
+        true
+    }
     fn inner(&self) -> Option<usize> {
         Some(2)
     }

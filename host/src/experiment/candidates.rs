@@ -257,7 +257,7 @@ impl Maker<'_> {
             let mut runs = self
                 .axes
                 .iter()
-                .map(|axis| simulate::run(axis, &recording, 0, last, from));
+                .map(|axis| simulate::run_axis(axis, &recording, 0, last, from));
             let states = runs.next().filter(|states| self.safe.allows(states))?;
             runs.all(|states| self.safe.allows(&states))
                 .then(|| Candidate {

@@ -7,7 +7,7 @@ use crate::axis::Axis;
 use crate::error::Result;
 use crate::fit::HORIZON;
 use crate::model::Model;
-use crate::simulate::{self, State};
+use crate::simulate;
 
 /// What predictions are compared in.
 pub(super) struct Judge {
@@ -79,7 +79,7 @@ impl Judge {
             let horizon = candidate.t[first] + HORIZON - 1e-9;
             let end = candidate.t.partition_point(|t| *t < horizon).max(first + 1);
             let from = candidate.states[first];
-            let states: Vec<State> = simulate::run(&axis, &recording, first, end - 1, from);
+            let states = simulate::run_axis(&axis, &recording, first, end - 1, from);
             responses.extend(
                 states
                     .iter()

@@ -13,7 +13,7 @@ use std::fmt::Write;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::diagnose::Outcome;
+use crate::diagnose::{Diagnosis, Outcome};
 use crate::effects::{self, Quantity};
 use crate::error::Result;
 use crate::format::{quantity, significant};
@@ -50,6 +50,13 @@ pub struct NextExperiment {
     /// The excitation as a recording's columns: time, u, predicted position.
     #[serde(skip)]
     pub csv: String,
+}
+
+/// Whether there are rivals that the recordings cannot tell apart.
+pub fn undecided(diagnosis: &Diagnosis) -> bool {
+    let found = |id: &str| diagnosis.findings.iter().any(|f| f.id == id);
+    let mut rivals = diagnosis.findings.iter().flat_map(|f| &f.rivals);
+    rivals.any(|rival| !rival.separated && !found(rival.id))
 }
 
 /// The experiment that would decide most; `None` for inverse recordings, to which nothing can be applied, and where no

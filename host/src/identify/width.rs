@@ -38,6 +38,12 @@ pub struct Width {
 }
 
 impl Width {
+    /// Whether encoder noise makes up little of the residual, so that measured positions may serve as regressors.
+    pub fn quiet(&self) -> bool {
+        let share = self.tried.last().and_then(|tried| tried.encoder_share);
+        share.is_some_and(|share| share <= MOST_ENCODER_SHARE)
+    }
+
     /// The choice in a sentence.
     pub fn reason(&self) -> String {
         let Some(chosen) = self.tried.last() else {

@@ -131,7 +131,7 @@ mod tests {
     use crate::pem::chart::Chart;
     use crate::pem::sequence::Sequence;
     use crate::recording::Recording;
-    use crate::simulate::{State, run};
+    use crate::simulate::{State, run_axis};
     use crate::weak::Track;
 
     const TRUTH: &str = "[plant]\nmotion = \"rotary\"\ninertia = 0.01\n[friction]\nmodel = \"lugre\"\ncoulomb = 0.2\nviscous = 0.02\nstatic = 0.3\nstribeck_velocity = 0.5\nbristle_stiffness = 60.0\nbristle_damping = 0.3\n";
@@ -152,7 +152,7 @@ mod tests {
             t,
         };
         let axis = Axis::new(&truth).unwrap();
-        let states = run(&axis, &recording, 0, 1499, State::default());
+        let states = run_axis(&axis, &recording, 0, 1499, State::default());
         recording.q = Some(
             states
                 .iter()

@@ -83,7 +83,14 @@ fn slide<const N: usize>(
     let slides = |x: &[f64; N]| plant.sliding(x).v * s >= 0.0;
     let (mut next, mut spent) = (go(step), step);
     if !slides(&next) {
-        let (low, high) = bisect(step, |h| slides(&go(h)));
+        // An axis that leaves standstill and is back within the step, against a resistance that soars with the first bit of
+        // speed, creeps: less than the step could show, and cutting at every return would never end.
+        let creeps = N == 2 && plant.sliding(x).v == 0.0;
+        let (low, high) = if creeps {
+            (0.0, step)
+        } else {
+            bisect(step, |h| slides(&go(h)))
+        };
         (next, spent) = (go(low), high);
         plant.rest(&mut next);
     }
@@ -139,7 +146,9 @@ fn runge_kutta<const N: usize>(
     std::array::from_fn(|k| x[k] + h / 6.0 * (a[k] + 2.0 * b[k] + 2.0 * c[k] + d[k]))
 }
 
-/// Substeps that keep the fastest mode of the linearised mechanism within reach of the method.
+/// Substeps that keep the fastest mode of the linearised mechanism within reach of the method. It is linearised at the
+/// velocity that the step is about, its own change at least: a slope that grows without bound towards standstill, like
+/// that of a power law, acts for an instant that the step passes over anyway.
 fn substeps<const N: usize>(
     plant: &impl Mechanism<N>,
     drive: Drive,
@@ -148,10 +157,11 @@ fn substeps<const N: usize>(
 ) -> usize {
     let at = plant.sliding(x);
     let s = if at.v < 0.0 { -1.0 } else { 1.0 };
-    let v = if at.v == 0.0 { 1e-6 } else { at.v };
-    let (dq, dv) = (1e-6, 1e-3 * v.abs().max(1e-6));
     let moment = plant.moment(drive, x);
     let resistance = |q, v| plant.contact().resistance(moment, State { q, v }, s);
+    let left = plant.balance(drive, x) - resistance(at.q, at.v);
+    let v = s * at.v.abs().max(h * left.abs() / plant.inertia()).max(1e-6);
+    let (dq, dv) = (1e-6, 1e-3 * v.abs());
     let here = resistance(at.q, v);
     let damping = (resistance(at.q, v + s * dv) - here) / (dv * plant.inertia());
     let stiffness = (resistance(at.q + dq, v) - here) / (dq * plant.inertia());

@@ -5,7 +5,7 @@ use super::pilot::Plan;
 use crate::axis::Axis;
 use crate::dictionary::Dictionary;
 use crate::error::Result;
-use crate::fit::{self, Sums};
+use crate::fit::{self, Along, Sums};
 use crate::identify::follow_everything;
 use crate::model::{Causality, Model};
 use crate::normal::Normal;
@@ -96,8 +96,9 @@ fn errors(piece: &Piece, track: &Track, model: &Model) -> Result<[Sums; 2]> {
         }
         return Ok(sums);
     }
+    let along = Along::new(&axis, track);
     for (run, held_out) in &piece.runs {
-        let run = fit::window(&axis, recording, track, run.clone());
+        let run = fit::window(&axis, recording, track, &along, run.clone());
         sums[usize::from(*held_out)].add(&run);
     }
     Ok(sums)

@@ -5,7 +5,7 @@ use crate::axis::Axis;
 use crate::model::Model;
 use crate::problem::{Problem, Response};
 use crate::recording::Recording;
-use crate::simulate::{State, run};
+use crate::simulate::{State, run_axis};
 use crate::system;
 
 const PERIOD: f64 = 1e-3;
@@ -28,7 +28,7 @@ fn record(model: &Model, counts: f64, sines: &[(f64, f64)]) -> Recording {
         input_unit: None,
     };
     let rest = State { q: 0.0, v: 0.0 };
-    let states = run(&axis, &recording, 0, recording.len() - 1, rest);
+    let states = run_axis(&axis, &recording, 0, recording.len() - 1, rest);
     recording.q = Some(states.iter().map(|s| (s.q / step).round() * step).collect());
     recording
 }

@@ -1,0 +1,43 @@
+//! The proof on concealed physics: recordings whose labels are sealed.
+//!
+//! `cargo run --release --example concealed [-- --first N]` makes the recordings that `labels.csv` describes, lets the
+//! diagnosis see nothing of each but the recording and a baseline, and only then opens the labels and prints what it got
+//! right. The file's SHA-256 must be the one in `labels.sha256`, which was committed before the first run. `-- --seal N`
+//! draws N new cases from the operating system's randomness and writes both files.
+//!
+//! The plants of `tests/plants` share no code with the diagnosis: other formulation, other integrator, finer step.
+
+mod answers;
+mod labels;
+#[path = "../plants/mod.rs"]
+mod plants;
+mod tables;
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let number = |name: &str| -> Option<usize> {
+        let at = arguments.iter().position(|a| a == name)?;
+        arguments.get(at + 1)?.parse().ok()
+    };
+    let done = match number("--seal") {
+        Some(count) => labels::seal(count),
+        None => run(number("--first").unwrap_or(usize::MAX)),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(what) => {
+            eprintln!("error: {what}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(first: usize) -> Result<(), String> {
+    let labels = labels::open()?;
+    let cases: Vec<_> = labels.into_iter().take(first).collect();
+    let answers = answers::all(&cases);
+    tables::print(&answers);
+    Ok(())
+}
