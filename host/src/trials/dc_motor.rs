@@ -12,13 +12,10 @@ use bristle_core::control::{Learning, Parameters};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
+use super::commission::{Bench, commission};
 use super::{Layout, Played, Shown, Trial, Way, classic, found, said, tracked, usable};
-use crate::bench::{self, Control, Sensors};
 use crate::error::{Error, Result};
-use crate::excite::{Excitation, Shape};
 use crate::model::Model;
-use crate::plant;
-use crate::recording::Recording;
 use crate::servo::{Aim, Servo};
 use crate::tune::{Wish, parameters};
 
@@ -113,41 +110,6 @@ impl Drawn {
     }
 }
 
-/// What DBI makes of a recording of the motor before anything has changed.
-fn commissioned(drawn: &Drawn, seed: u64) -> Result<Model> {
-    let t: Vec<f64> = (0..12_000).map(|k| f64::from(k) * PERIOD).collect();
-    let excitation = Excitation {
-        shape: Shape::Multisine,
-        amplitude: 2.0,
-        band: (0.3, 5.0),
-        duration: 12.0,
-        seed,
-    };
-    let signal = excitation.values(&t);
-    let mut plant = plant::new(&drawn.model(0)?)?;
-    let control = Control::of_bandwidth(10.0, plant.authority());
-    let sensors = Sensors {
-        count: TAU / WISH.counts,
-        load_noise: DISTURBANCE * RATED,
-        seed,
-        ..Sensors::default()
-    };
-    let record = bench::record(plant.as_mut(), t, &signal, Some(control), sensors);
-    let recording = Recording {
-        path: "off-line.csv".into(),
-        t: record.t,
-        u: record.u,
-        q: Some(record.q),
-        v: None,
-        input_unit: None,
-    };
-    found(&recording, &drawn.asked("\"?\"")?)
-        .filter(|model| usable(&model.inertia) && usable(&model.coulomb))
-        .ok_or_else(|| {
-            Error::Internal("DBI found no friction in a recording that shows it".to_owned())
-        })
-}
-
 fn tuned(model: &Model) -> Result<Parameters<f64>> {
     let mut tuned = parameters(model, &WISH)?;
     // Adapted off-line, by DBI alone.
@@ -158,7 +120,13 @@ fn tuned(model: &Model) -> Result<Parameters<f64>> {
 pub(super) fn play(number: u64, mut rng: ChaCha8Rng) -> Result<Played> {
     let drawn = Drawn::new(&mut rng);
     let seed = rng.random();
-    let before = commissioned(&drawn, seed)?;
+    let bench = Bench {
+        amplitude: 2.0,
+        band: (0.3, 5.0),
+        load_noise: DISTURBANCE * RATED,
+        seed,
+    };
+    let before = commission(&drawn.model(0)?, &drawn.asked("\"?\"")?, &WISH, &bench)?;
     let start = tuned(&before)?;
     let mut identified = vec![said(&before.coulomb, drawn.levels[0])];
     let layout = layout();

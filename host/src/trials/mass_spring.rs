@@ -8,10 +8,11 @@
 
 use std::f64::consts::TAU;
 
-use bristle_core::control::{Learning, Limits, Parameters, Position, Profile, SetPoint};
+use bristle_core::control::{Learning, Limits, Parameters};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
+use super::finish::Finish;
 use super::{
     Layout, Merit, Played, Shown, Trial, Way, between, classic, found, said, tracked, usable,
 };
@@ -173,7 +174,18 @@ pub(super) fn play(number: u64, mut rng: ChaCha8Rng) -> Result<Played> {
                 servo.change_plant(&drawn.model(1)?)?;
             }
         }
-        finish(&mut servo)?;
+        let finish = Finish {
+            step: STEP,
+            until: [STEPPED, END],
+            limits: Limits {
+                velocity: 0.1,
+                acceleration: 1.0,
+                jerk: 20.0,
+            },
+            count: layout().count,
+            period: PERIOD,
+        };
+        finish.run(&mut servo)?;
         merits.push(judge(way, &servo));
         shown.push(Shown {
             way,
@@ -192,45 +204,6 @@ pub(super) fn play(number: u64, mut rng: ChaCha8Rng) -> Result<Played> {
         shown,
         truth: (0..samples).map(level).collect(),
     })
-}
-
-/// A step, and a move back to a standstill.
-fn finish(servo: &mut Servo) -> Result<()> {
-    let count = 1.0 / WISH.counts;
-    let here = servo.samples().last().map_or(0.0, |s| s.truth.q);
-    let middle = |q: f64| ((q / count).floor() + 0.5) * count;
-    let (start, top) = (middle(here), middle(here + STEP));
-    while servo.now() < STEPPED - 1e-9 {
-        servo.step(Aim::Position {
-            q: top,
-            v: 0.0,
-            a: 0.0,
-        });
-    }
-    let limits = Limits {
-        velocity: 0.1,
-        acceleration: 1.0,
-        jerk: 20.0,
-    };
-    let [from, to] = [top, start].map(|q| Position::from_f64(q / count));
-    let mut profile = Profile::new(from, to, count, &limits, PERIOD)
-        .ok_or_else(|| Error::Internal("a move was refused".to_owned()))?;
-    while servo.now() < END - 1e-9 {
-        if let SetPoint::Position {
-            position,
-            velocity,
-            acceleration,
-        } = profile.step()
-        {
-            let q = (f64::from(position.counts) + position.fraction) * count;
-            servo.step(Aim::Position {
-                q,
-                v: velocity,
-                a: acceleration,
-            });
-        }
-    }
-    Ok(())
 }
 
 fn judge(way: Way, servo: &Servo) -> Merit {

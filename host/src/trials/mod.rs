@@ -3,7 +3,9 @@
 //! One experiment, one file. A plant is drawn from a seed, its friction changes under way, and every way to control it runs on
 //! the same plant with the same disturbance.
 
+mod commission;
 mod dc_motor;
+mod finish;
 mod mass_spring;
 mod srv02;
 mod summary;

@@ -9,20 +9,17 @@
 
 use std::f64::consts::TAU;
 
-use bristle_core::control::{Learning, Limits, Parameters, Position, Profile, SetPoint};
+use bristle_core::control::{Learning, Limits, Parameters};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
+use super::commission::{Bench, commission};
+use super::finish::Finish;
 use super::{
-    Layout, Merit, Played, Shown, Trial, Way, between, classic, convergence, found, said, tracked,
-    usable,
+    Layout, Merit, Played, Shown, Trial, Way, between, classic, convergence, said, tracked,
 };
-use crate::bench::{self, Control, Sensors};
 use crate::error::{Error, Result};
-use crate::excite::{Excitation, Shape};
 use crate::model::Model;
-use crate::plant;
-use crate::recording::Recording;
 use crate::servo::{Aim, Servo, settled, step};
 use crate::tune::{Drive, Wish, parameters};
 
@@ -161,46 +158,22 @@ impl Drawn {
     }
 }
 
-/// A recording before any change, and what DBI makes of it.
+/// What DBI makes of the servo before any change.
 fn identified(drawn: &Drawn, seed: u64) -> Result<Model> {
     let truth = drawn.model(0)?;
     let drive = Drive::of(&truth)?;
-    let t: Vec<f64> = (0..12_000).map(|k| f64::from(k) * PERIOD).collect();
-    let excitation = Excitation {
-        shape: Shape::Multisine,
-        amplitude: 0.8,
-        band: (0.2, 3.0),
-        duration: 12.0,
-        seed,
-    };
-    let signal = excitation.values(&t);
-    let mut plant = plant::new(&truth)?;
-    let control = Control::of_bandwidth(8.0, plant.authority());
-    let sensors = Sensors {
-        count: TAU / WISH.counts,
-        load_noise: DISTURBANCE * RATED,
-        seed,
-        ..Sensors::default()
-    };
-    let record = bench::record(plant.as_mut(), t, &signal, Some(control), sensors);
-    let recording = Recording {
-        path: "off-line.csv".into(),
-        t: record.t,
-        u: record.u,
-        q: Some(record.q),
-        v: None,
-        input_unit: None,
-    };
     let asked = format!(
         "[plant]\nmotion = \"rotary\"\ninput = \"voltage\"\ngain = {}\nback_emf = {}\ninertia = \"?\"\n[friction]\nmodel = \"coulomb-viscous\"\ncoulomb = \"?\"\nviscous = \"?\"\n",
         drive.gain, drive.back_emf
     );
     let asked = Model::parse(&asked).map_err(Error::Internal)?;
-    found(&recording, &asked)
-        .filter(|model| usable(&model.inertia) && usable(&model.coulomb))
-        .ok_or_else(|| {
-            Error::Internal("DBI found no friction in a recording that shows it".to_owned())
-        })
+    let bench = Bench {
+        amplitude: 0.8,
+        band: (0.2, 3.0),
+        load_noise: DISTURBANCE * RATED,
+        seed,
+    };
+    commission(&truth, &asked, &WISH, &bench)
 }
 
 pub(super) fn play(number: u64, mut rng: ChaCha8Rng) -> Result<Played> {
@@ -259,41 +232,18 @@ fn drive(drawn: &Drawn, parameters: &Parameters<f64>, seed: u64) -> Result<Servo
         }
         servo.step(drawn.track(servo.now()));
     }
-    let here = servo.samples().last().map_or(0.0, |s| s.truth.q);
-    let count = TAU / WISH.counts;
-    // In the middle of counts, as an encoder would be asked for.
-    let middle = |q: f64| ((q / count).floor() + 0.5) * count;
-    let (start, top) = (middle(here), middle(here + STEP));
-    while servo.now() < ENDS[2] - 1e-9 {
-        servo.step(Aim::Position {
-            q: top,
-            v: 0.0,
-            a: 0.0,
-        });
-    }
-    let limits = Limits {
-        velocity: 2.0,
-        acceleration: 10.0,
-        jerk: 200.0,
+    let finish = Finish {
+        step: STEP,
+        until: [ENDS[2], ENDS[3]],
+        limits: Limits {
+            velocity: 2.0,
+            acceleration: 10.0,
+            jerk: 200.0,
+        },
+        count: TAU / WISH.counts,
+        period: PERIOD,
     };
-    let [from, to] = [top, start].map(|q| Position::from_f64(q / count));
-    let mut profile = Profile::new(from, to, count, &limits, PERIOD)
-        .ok_or_else(|| Error::Internal("a move was refused".to_owned()))?;
-    while servo.now() < ENDS[3] - 1e-9 {
-        if let SetPoint::Position {
-            position,
-            velocity,
-            acceleration,
-        } = profile.step()
-        {
-            let q = (f64::from(position.counts) + position.fraction) * count;
-            servo.step(Aim::Position {
-                q,
-                v: velocity,
-                a: acceleration,
-            });
-        }
-    }
+    finish.run(&mut servo)?;
     Ok(servo)
 }
 

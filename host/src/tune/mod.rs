@@ -54,6 +54,11 @@ const FASTEST_LEARNING: f64 = 10.0;
 /// says a quarter is believed, so that a change is learned within ten rows and their noise is halved and more.
 const FORGOTTEN: f64 = 0.005;
 
+/// How large an offset is expected beside the Coulomb level. While the axis slides one way only their sum is seen, and where
+/// both have come to rest a change is shared out by the roots of what returns to each, `1 : OFFSET`: a level that
+/// changes by half is then right within 5 % before the axis has turned round.
+const OFFSET: f64 = 0.1;
+
 impl Drive {
     /// The drive of a model; says which values are missing. The armature of a motor is taken as its resistance alone: its
     /// current follows the voltage within a fraction of a millisecond.
@@ -184,7 +189,7 @@ pub fn parameters(model: &Model, wish: &Wish) -> Result<Parameters<f64>> {
             rate: (observer_bandwidth / 16.0).min(FASTEST_LEARNING),
             window: 40.0 / observer_bandwidth,
             forgotten: FORGOTTEN,
-            offset: 0.3,
+            offset: OFFSET,
         },
         effects: effects::of(model, &drive, count)?,
     };
@@ -197,7 +202,7 @@ pub fn parameters(model: &Model, wish: &Wish) -> Result<Parameters<f64>> {
     Ok(found)
 }
 
-/// The friction law of a model in the words of the controller.
+/// The friction law of a model in the words of the controller, whose exponential Stribeck curve has the exponent 2.
 fn friction(model: &Model) -> Friction<f64> {
     let value = |p: &crate::model::Parameter| p.value.unwrap_or_default();
     let coulomb = value(&model.coulomb).max(0.0);

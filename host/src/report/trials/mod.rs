@@ -1,18 +1,22 @@
 //! The page of an experiment: with and without adaptation, side by side.
 
-use super::page::{Band, Figure, Item, Page, Plot, Role, Section, Style, Table};
-use super::thin::thin;
+mod plots;
+
+use super::page::{Figure, Item, Page, Role, Section, Table};
 use crate::format::{quantity, scaled_unit, significant, unit};
 use crate::servo::{Aim, Sample};
-use crate::trials::{Campaign, Claim, Experiment, Shown, Spread, Summary, Verdict, Way};
+use crate::trials::{Campaign, Claim, Experiment, Shown, Spread, Summary, Verdict};
+use plots::{over_time, plants, tracking_range};
 
-/// Points of a series over time.
-const POINTS: usize = 4000;
+/// Where adaptation is all that differs.
+const SAME: &str = "Without: the same controller, gains and observer, with no torque against friction and nothing learned. Both have the same integral action, acceleration feed-forward, encoder, disturbance and limits.";
 
 /// What an experiment is called and measured in.
 struct Words {
     title: &'static str,
     what: &'static str,
+    /// What the controller does without adaptation, and what both have in common.
+    without: &'static str,
     /// What is tracked, its unit, and those of command and friction level.
     tracked: &'static str,
     si: &'static str,
@@ -25,6 +29,7 @@ fn words(experiment: Experiment) -> Words {
         Experiment::Srv02 => Words {
             title: "Angular position of the SRV02 with on-line Coulomb estimation",
             what: "A geared servo from the public data of the Quanser SRV02, each with a load, a viscous coefficient and a friction level of its own around 30 % of rated torque. Friction changes twice. A slow sine, then a slow triangle, a step, and a move back to a standstill.",
+            without: SAME,
             tracked: "position",
             si: "rad",
             command: "V",
@@ -33,6 +38,7 @@ fn words(experiment: Experiment) -> Words {
         Experiment::DcMotor => Words {
             title: "Angular velocity of a DC motor with Dahl friction, adapted by DBI off-line",
             what: "A motor under voltage whose friction, around 30 % of rated torque, acts through bristles of known stiffness. Friction changes with the second of three stretches of a slow sine and a slow triangle in velocity; DBI sees the second stretch, and the third is judged.",
+            without: SAME,
             tracked: "velocity",
             si: "rad/s",
             command: "V",
@@ -41,6 +47,7 @@ fn words(experiment: Experiment) -> Words {
         Experiment::MassSpring => Words {
             title: "A mass on a spring with friction, tuned by its own identification",
             what: "A controller that starts from catalogue values. DBI sees each stretch, and where its status allows, both the friction model and the gains are computed anew. Mass, spring and friction change after the second stretch; the last stretch is judged.",
+            without: "Without: the controller as it starts, with gains for the catalogue's mass, no spring and no friction. Tuned again, friction left alone: with the gains and the spring of its own identification, and no torque against friction. All have the same integral action, encoder, disturbance and limits.",
             tracked: "position",
             si: "m",
             command: "N",
@@ -196,53 +203,13 @@ fn over_plants(campaign: &Campaign, summaries: &[Summary], words: &Words) -> Vec
             .collect(),
     };
     let ways = campaign.ways().into_iter().skip(1);
-    let plots = ways.map(|way| plants_plot(campaign, way, words));
+    let plots = ways.map(|way| plants(campaign, way, words));
     vec![
         Item::Table(table),
         Item::Plots {
             plots: plots.collect(),
         },
     ]
-}
-
-/// RMS errors plant by plant, ordered by that without.
-fn plants_plot(campaign: &Campaign, way: Way, words: &Words) -> Plot {
-    let mut pairs: Vec<(f64, f64)> = campaign
-        .trials
-        .iter()
-        .filter_map(|t| {
-            Some((
-                t.merits.first()?.rms,
-                t.merits.iter().find(|m| m.way == way)?.rms,
-            ))
-        })
-        .collect();
-    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let largest = pairs.iter().map(|p| p.0.max(p.1)).fold(0.0, f64::max);
-    let (factor, name) = scaled_unit(largest, words.si);
-    let mut plot = Plot {
-        title: way.name().to_owned(),
-        caption: "RMS error of each plant, ordered by that without.".to_owned(),
-        x_label: "plant".to_owned(),
-        y_label: format!("RMS error [{}]", unit(&name)),
-        height: 240,
-        x: (1..=pairs.len()).map(|k| k as f64).collect(),
-        limit: Some([0.0, 1.05 * factor * largest]),
-        ..Plot::default()
-    };
-    plot.push(
-        "without",
-        Role::Before,
-        Style::Dots,
-        pairs.iter().map(|p| factor * p.0).collect(),
-    );
-    plot.push(
-        "with",
-        Role::After,
-        Style::Dots,
-        pairs.iter().map(|p| factor * p.1).collect(),
-    );
-    plot
 }
 
 fn one_plant(campaign: &Campaign, words: &Words) -> Vec<Item> {
@@ -275,7 +242,7 @@ fn one_plant(campaign: &Campaign, words: &Words) -> Vec<Item> {
             &what[1..]
         )));
         let mut plots = vec![
-            plot(
+            over_time(
                 campaign,
                 words.tracked,
                 words.si,
@@ -285,7 +252,7 @@ fn one_plant(campaign: &Campaign, words: &Words) -> Vec<Item> {
                     ("with", Role::After, series(shown, did)),
                 ],
             ),
-            plot(
+            over_time(
                 campaign,
                 &format!("{} error", words.tracked),
                 words.si,
@@ -294,7 +261,7 @@ fn one_plant(campaign: &Campaign, words: &Words) -> Vec<Item> {
                     ("with", Role::After, series(shown, |s| aim(s) - did(s))),
                 ],
             ),
-            plot(
+            over_time(
                 campaign,
                 "command",
                 words.command,
@@ -311,7 +278,7 @@ fn one_plant(campaign: &Campaign, words: &Words) -> Vec<Item> {
                     ),
                 ],
             ),
-            plot(
+            over_time(
                 campaign,
                 "Coulomb level",
                 words.level,
@@ -338,65 +305,8 @@ fn one_plant(campaign: &Campaign, words: &Words) -> Vec<Item> {
     items
 }
 
-/// What an error of tracking spans, in the unit of its plot.
-fn tracking_range(
-    campaign: &Campaign,
-    shown: &Shown,
-    error: &dyn Fn(&Sample) -> f64,
-) -> Option<[f64; 2]> {
-    let end = campaign.judged.last()?[1];
-    let tracked = shown.samples.iter().take((end / campaign.period) as usize);
-    let most = tracked.map(|s| error(s).abs()).fold(0.0, f64::max);
-    let all = shown
-        .samples
-        .iter()
-        .map(|s| error(s).abs())
-        .fold(0.0, f64::max);
-    let (factor, _) = scaled_unit(all, "rad");
-    Some([-1.1 * factor * most, 1.1 * factor * most])
-}
-
 fn series(shown: &Shown, value: impl Fn(&Sample) -> f64) -> Vec<f64> {
     shown.samples.iter().map(value).collect()
-}
-
-/// A plot over time, thinned, in a convenient unit.
-fn plot(campaign: &Campaign, title: &str, si: &str, series: &[(&str, Role, Vec<f64>)]) -> Plot {
-    let largest = series
-        .iter()
-        .flat_map(|(.., y)| y)
-        .fold(0.0_f64, |m, y| m.max(y.abs()));
-    let (factor, name) = scaled_unit(largest, si);
-    let n = series.iter().map(|(.., y)| y.len()).min().unwrap_or(0);
-    let t: Vec<f64> = (0..n).map(|k| k as f64 * campaign.period).collect();
-    let values: Vec<Vec<f64>> = series
-        .iter()
-        .map(|(.., y)| y[..n].iter().map(|y| factor * y).collect())
-        .collect();
-    let (x, values) = thin(&t, &values, POINTS);
-    let mut plot = Plot {
-        title: title.to_owned(),
-        x_label: "time [s]".to_owned(),
-        y_label: format!("{title} [{}]", unit(&name)),
-        height: 200,
-        x,
-        group: Some("time".to_owned()),
-        bands: campaign
-            .judged
-            .iter()
-            .map(|&[from, to]| Band {
-                from,
-                to,
-                held_out: true,
-                label: "judged".to_owned(),
-            })
-            .collect(),
-        ..Plot::default()
-    };
-    for ((label, role, _), y) in series.iter().zip(values) {
-        plot.push(label, *role, Style::Line, y);
-    }
-    plot
 }
 
 fn dbi(campaign: &Campaign) -> Item {
@@ -449,7 +359,7 @@ fn method(words: &Words) -> Section {
         items: vec![Item::List {
             points: vec![
                 words.what.to_owned(),
-                "Without: the same controller, gains and observer, with no torque against friction and nothing learned. Both have the same integral action, acceleration feed-forward, encoder, disturbance and limits.".to_owned(),
+                words.without.to_owned(),
                 "Errors are those of the plant's true motion, not of the encoder's.".to_owned(),
                 "Converged: the level in the controller stays within 10 % of the truth until the next change.".to_owned(),
                 "Standstill: the error by the encoder over the last second; an axis that still moves by more than a count in it hunts.".to_owned(),
