@@ -1,9 +1,10 @@
 //! The recording on the board: a ring of rows at the full control rate, started by a command or a trigger.
 
+use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 use super::Number;
-use super::signal::{Selection, Signal, Snapshot};
+use super::signal::{SIGNALS, Selection, Signal, Snapshot};
 
 /// When a recording begins for good.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -61,6 +62,8 @@ pub struct Contents {
 pub struct Recorder<'a, T> {
     ring: &'a mut [u32],
     order: Order<T>,
+    /// The signals of a row, as their selection is too slow to ask in every period.
+    columns: Vec<Signal, SIGNALS>,
     progress: Progress,
     /// Rows that fit, rows that count, and the ring's place of the next one.
     capacity: u32,
@@ -85,6 +88,7 @@ impl<'a, T: Number> Recorder<'a, T> {
                 trigger: Trigger::Now,
                 before: 0,
             },
+            columns: Vec::new(),
             progress: Progress::Empty,
             capacity: 0,
             rows: 0,
@@ -102,6 +106,7 @@ impl<'a, T: Number> Recorder<'a, T> {
         if self.capacity == 0 {
             return false;
         }
+        self.columns = order.selection.iter().collect();
         self.order = Order {
             every: order.every.max(1),
             ..order
@@ -172,11 +177,10 @@ impl<'a, T: Number> Recorder<'a, T> {
     }
 
     fn put(&mut self, snapshot: &Snapshot) {
-        let width = self.order.selection.len() as u32;
-        let start = (self.next * width) as usize;
+        let start = self.next as usize * self.columns.len();
         let row = self.ring.get_mut(start..).unwrap_or_default();
-        for (slot, signal) in row.iter_mut().zip(self.order.selection.iter()) {
-            *slot = snapshot.get(signal);
+        for (slot, signal) in row.iter_mut().zip(&self.columns) {
+            *slot = snapshot.get(*signal);
         }
         self.next = if self.next + 1 >= self.capacity {
             0
