@@ -178,25 +178,6 @@ impl Basis<'_> {
                 let wave = self.slow_wave(rng);
                 (Law::PositionDependentFriction { wave, phase }, 3.0 * torque)
             }
-            "position-dependent-viscous" => {
-                let wave = self.slow_wave(rng);
-                (
-                    Law::PositionDependentViscous { wave, phase },
-                    5.0 * torque / top,
-                )
-            }
-            "centrifugal" => {
-                let wave = self.slow_wave(rng);
-                (Law::Centrifugal { wave, phase }, 6.0 * torque / (top * top))
-            }
-            "fading-gain" => {
-                let end = self.recipe.duration;
-                (Law::FadingGain { end }, 4.0 * size)
-            }
-            "jamming" => {
-                let periods = [between(rng, 2.0, 4.0), between(rng, 5.0, 9.0)];
-                (Law::Jamming { periods, phase }, 3.0 * torque)
-            }
             "thermal-drift" => {
                 let tau = between(rng, 4.0, 15.0);
                 (Law::ThermalDrift { tau }, 5.0 * torque / top)
@@ -232,9 +213,38 @@ impl Basis<'_> {
                 let error = torque / (axis.inertia * speed * speed);
                 (Law::SensorEccentricity { phase }, error)
             }
-            _ => unreachable!("checked with the recipe: {id}"),
+            _ => self.outside(rng, id),
         };
         Effect { id, x, law }
+    }
+
+    /// The shape of an effect that no catalogue names, with a first guess of its scale.
+    fn outside(&self, rng: &mut ChaCha8Rng, id: &str) -> (Law, f64) {
+        let torque = self.recipe.size * self.u_rms;
+        let top = self.look.top_speed;
+        let phase = between(rng, 0.0, TAU);
+        match id {
+            "position-dependent-viscous" => {
+                let wave = self.slow_wave(rng);
+                (
+                    Law::PositionDependentViscous { wave, phase },
+                    5.0 * torque / top,
+                )
+            }
+            "centrifugal" => {
+                let wave = self.slow_wave(rng);
+                (Law::Centrifugal { wave, phase }, 6.0 * torque / (top * top))
+            }
+            "fading-gain" => {
+                let end = self.recipe.duration;
+                (Law::FadingGain { end }, 4.0 * self.recipe.size)
+            }
+            "jamming" => {
+                let periods = [between(rng, 2.0, 4.0), between(rng, 5.0, 9.0)];
+                (Law::Jamming { periods, phase }, 3.0 * torque)
+            }
+            _ => unreachable!("checked with the recipe: {id}"),
+        }
     }
 
     fn asymmetry(&self, rng: &mut ChaCha8Rng, axis: &Axis) -> Law {
