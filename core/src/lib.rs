@@ -7,11 +7,12 @@
 //! - [`friction`]: friction laws with and without state, contacts of several dimensions, sticking and slipping.
 //! - [`weak`]: test functions, windowed functionals and least squares with covariance.
 //! - [`control`]: observers, friction compensation and controllers for an axis.
+//! - [`drive`]: a control period: units, faults, run states, recording; parameters and their place in flash.
 //! - [`link`]: the messages between the host and a board, and their framing.
 //!
 //! A module uses only those before it in this order, which `tests/structure.rs` checks:
 //!
-//! scalar → friction → weak → control → link
+//! scalar → friction → weak → control → drive → link
 //!
 //! Sign convention throughout: friction `F` *opposes* motion and is positive for positive velocity, so the
 //! equation of motion is `J·q̈ = k·u − F`.
@@ -21,6 +22,7 @@
 extern crate std;
 
 pub mod control;
+pub mod drive;
 pub mod friction;
 pub mod link;
 pub mod scalar;

@@ -17,10 +17,12 @@ pub const HARD_FAULT_STATUS: i32 = 102;
 /// The emulator's exit status after an interrupt or exception that nobody handles.
 pub const UNHANDLED_STATUS: i32 = 103;
 
-fn stop(status: i32) -> ! {
+/// Ends everything: bridge off, then the emulation with this status, or sleep until a reset.
+pub fn stop(status: i32) -> ! {
+    cortex_m::interrupt::disable();
     board::enter_safe_state();
     // Semihosting is a breakpoint instruction: on a chip without a debugger it would fault again.
-    if board::is_emulated() {
+    if board::emulated::is_emulated() {
         semihosting::process::exit(status);
     }
     loop {
@@ -39,6 +41,15 @@ fn panic(_: &PanicInfo) -> ! {
 #[exception]
 unsafe fn HardFault(_: &ExceptionFrame) -> ! {
     stop(HARD_FAULT_STATUS)
+}
+
+// SAFETY: as above. The clock security system raises this when the crystal stops (7.2.7); the timer's break has turned the
+// outputs off in hardware, and the control task finds the clock on the internal oscillator and raises the fault.
+#[allow(unsafe_code)]
+#[exception]
+unsafe fn NonMaskableInt() {
+    board::enter_safe_state();
+    board::odrive_v3::acknowledge_clock_failure();
 }
 
 // SAFETY: as above; it never returns to the code that it interrupted.

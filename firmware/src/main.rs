@@ -1,121 +1,292 @@
-//! Bristle's friction laws on the board, evaluated for the host over the serial link.
+//! The motor driver: one image for the board and for the emulator.
 //!
-//! Two tasks. `serial` is the interrupt of the port: it moves bytes, cuts them into frames and does nothing else, so
-//! that no byte is lost while a law is evaluated. `serve` is a software task of lower priority that answers
-//! frames one by one. Two channels of frames join them:
+//! | priority | task | what it does |
+//! | --- | --- | --- |
+//! | 5 | `control` | a control period: sample, [`Drive::step`], bridge |
+//! | 3 | `serial` | moves bytes between port and frames |
+//! | 2 | `serve` | carries out commands |
+//! | 1 | `stream`, `keep` | sends telemetry, writes parameters to the flash |
+//! | 0 | `idle` | sleeps; with the fast transport it moves the bytes |
+//!
+//! On the board the converter's interrupt starts `control` in the middle of the PWM period. In the emulator, which has
+//! no converter, a frame with the same readings does: it is put into the mailbox, and the same interrupt is
+//! pended. A higher task never waits for a lower one but for the few instructions of a lock on `drive` or `mailbox`.
 //!
 //! ```text
-//!   USART1 ──bytes──▶ serial ──inbound──▶ serve ──outbound──▶ serial ──bytes──▶ USART1
+//!   USART or standard input ──bytes──▶ receiver ──┬─sample, set point─▶ mailbox ─▶ control
+//!                                                 └─commands─▶ serve ─▶ outbox ──bytes──▶ back
 //! ```
 //!
-//! `serial` never waits: a frame that finds its channel full is dropped and counted. `serve` waits for room in
-//! `outbound`, so a host that sends faster than it reads slows itself down.
+//! [`Drive::step`]: bristle_core::drive::Drive::step
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(not(target_os = "none"))]
 fn main() {}
 
 #[cfg(target_os = "none")]
-#[rtic::app(device = bristle_firmware::board::device, dispatchers = [SPI1])]
+#[rtic::app(device = bristle_firmware::board::device, dispatchers = [SPI1, SPI2])]
 mod app {
-    use bristle_core::link::{Deframer, Frame, Rejection, Server, encode};
-    use bristle_firmware::board::{Serial, device::Interrupt};
-    use bristle_firmware::outbox::{Outbox, WAITING};
+    use core::mem::MaybeUninit;
+
+    use bristle_core::drive::signal::{Selection, Snapshot};
+    use bristle_core::drive::{Drive, Mailbox};
+    use bristle_core::link::{
+        self, Answer, Counters, Frame, Hello, Injection, Packet, Reaction, Report,
+    };
+    use bristle_firmware::board::device::Interrupt;
+    use bristle_firmware::board::emulated::{self, Persistent};
+    use bristle_firmware::board::{Board, Hardware, Serial, Storage};
+    use bristle_firmware::fault;
+    use bristle_firmware::inlet::{BACKLOG, Inlet};
+    use bristle_firmware::outbox::{Outbox, Postbox, WAITING};
+    use bristle_firmware::stack;
     use rtic_sync::channel::{Channel, Receiver, Sender};
 
-    /// What `serial` passes on: a frame, or why there is none.
-    type Received = Result<Frame, Rejection>;
+    /// Words in the recording ring: 10 s of two signals at 1 kHz, and some.
+    const RING: usize = 22_528;
 
-    /// The most frames that wait to be served: one being received while one is served, twice.
-    const BACKLOG: usize = 4;
+    /// Telemetry that waits to be sent.
+    const SNAPSHOTS: usize = 2;
+
+    /// Periods from one comparison of the parameters to the next.
+    const VERIFY_EVERY: u32 = 64;
+
+    /// The number of a telemetry frame, the signals wanted, and all there are.
+    type Due = (u16, Selection, Snapshot);
+
+    /// What is left to the task that keeps things in order.
+    pub enum Chore {
+        /// Compare the parameters.
+        Verify,
+        /// Write them to the flash, for the packet of this number.
+        Store(u16),
+        /// Let the hardware fail, for the packet of this number.
+        Inject(u16, Injection),
+    }
 
     #[shared]
     struct Shared {
-        /// Frames dropped since `serve` last looked.
-        dropped: u32,
+        drive: Drive<'static, f32>,
+        mailbox: Mailbox<f32>,
+        receiver: link::Receiver,
+        outbox: Outbox,
     }
 
     #[local]
     struct Local {
+        hardware: Hardware,
         port: Serial,
-        deframer: Deframer,
-        outbox: Outbox,
-        received: Sender<'static, Received, BACKLOG>,
+        due: Sender<'static, Due, SNAPSHOTS>,
+        number: u16,
+        verify: Sender<'static, Chore, BACKLOG>,
+        from_port: Inlet,
+        from_input: Inlet,
+        fast: bool,
     }
 
     #[init(local = [
-        inbound: Channel<Received, BACKLOG> = Channel::new(),
+        // SAFETY: the section is memory like any other, but for not being initialised, which the type allows for.
+        #[allow(unsafe_code)]
+        #[unsafe(link_section = ".uninit.persistent")]
+        persistent: MaybeUninit<Persistent> = MaybeUninit::uninit(),
+        ring: [u32; RING] = [0; RING],
+        telemetry: Channel<Due, SNAPSHOTS> = Channel::new(),
+        inbound: Channel<Packet<f32>, BACKLOG> = Channel::new(),
+        chores: Channel<Chore, BACKLOG> = Channel::new(),
         outbound: Channel<Frame, WAITING> = Channel::new(),
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
-        let (received, requests) = cx.local.inbound.split();
-        let (responses, outgoing) = cx.local.outbound.split();
-        // The receiver is on before `serve` says hello: whoever has seen the hello is heard.
-        let port = Serial::new(cx.device.USART1, &cx.device.GPIOA, &cx.device.RCC);
-        // Cannot fail: nothing has spawned this task before.
-        let _ = serve::spawn(requests, responses);
-        (
-            Shared { dropped: 0 },
-            Local {
-                port,
-                deframer: Deframer::new(),
-                outbox: Outbox::new(outgoing),
-                received,
+        stack::paint();
+        let (due, snapshots) = cx.local.telemetry.split();
+        let (packet, packets) = cx.local.inbound.split();
+        let (chore, chores) = cx.local.chores.split();
+        let (frame, frames) = cx.local.outbound.split();
+        let mut board = Board::start(cx.device, cx.core, cx.local.persistent);
+        let postbox = Postbox::new(frame, if board.fast { || () } else { wake_serial });
+        let (parameters, faults) = board.storage.load(board.faults);
+        let Some(drive) = Drive::new(parameters, faults, cx.local.ring) else {
+            // What is loaded is valid.
+            fault::stop(fault::PANIC_STATUS)
+        };
+        // None of these can fail: nothing has spawned the tasks before.
+        let hello = board.hello(RING);
+        let _ = serve::spawn(hello, packets, chore.clone(), postbox.another());
+        let _ = stream::spawn(snapshots, postbox.another());
+        let _ = keep::spawn(chores, board.storage, postbox.another());
+        let emulated = board.hardware.is_none();
+        let shared = Shared {
+            drive,
+            mailbox: Mailbox::new(),
+            receiver: link::Receiver::new(),
+            outbox: Outbox::new(frames),
+        };
+        let local = Local {
+            hardware: match board.hardware {
+                Some(power) => Hardware::OdriveV3(power),
+                None => Hardware::Emulated(postbox),
             },
-        )
+            port: board.port,
+            due,
+            number: 0,
+            verify: chore,
+            from_port: Inlet::new(packet.clone(), emulated),
+            from_input: Inlet::new(packet, emulated),
+            fast: board.fast,
+        };
+        (shared, local)
     }
 
-    #[idle]
-    fn idle(_: idle::Context) -> ! {
+    fn wake_serial() {
+        rtic::pend(Interrupt::UART4);
+    }
+
+    /// Sleeps. With the fast transport it moves the bytes, as no interrupt tells of standard input.
+    #[idle(local = [fast, from_input], shared = [mailbox, receiver, outbox])]
+    fn idle(mut cx: idle::Context) -> ! {
+        let mut buffer = [0; 512];
         loop {
-            rtic::export::wfi();
+            if !*cx.local.fast {
+                rtic::export::wfi();
+                continue;
+            }
+            while let Some(frame) = cx.shared.outbox.lock(Outbox::take_frame) {
+                emulated::write(&frame);
+            }
+            let bytes = emulated::read(&mut buffer).iter().copied();
+            cx.local
+                .from_input
+                .take(bytes, &mut cx.shared.receiver, &mut cx.shared.mailbox);
         }
     }
 
-    /// Moves bytes between the port and the channels.
-    #[task(binds = USART1, priority = 2, local = [port, deframer, outbox, received], shared = [dropped])]
+    /// Moves bytes between the port and the frames.
+    #[task(binds = UART4, priority = 3, local = [port, from_port], shared = [mailbox, receiver, outbox])]
     fn serial(mut cx: serial::Context) {
         let port = cx.local.port;
-        while let Some(byte) = port.read() {
-            if let Some(frame) = cx.local.deframer.push(byte)
-                && cx.local.received.try_send(frame).is_err()
+        let bytes = core::iter::from_fn(|| port.read());
+        cx.local
+            .from_port
+            .take(bytes, &mut cx.shared.receiver, &mut cx.shared.mailbox);
+        cx.shared.outbox.lock(|outbox| {
+            while port.can_write()
+                && let Some(byte) = outbox.take_byte()
             {
-                cx.shared.dropped.lock(|n| *n = n.saturating_add(1));
+                port.write(byte);
             }
-        }
-        while port.can_write()
-            && let Some(byte) = cx.local.outbox.take_byte()
-        {
-            port.write(byte);
-        }
-        port.interrupt_when_writable(!cx.local.outbox.is_empty());
+            port.interrupt_when_writable(!outbox.is_empty());
+        });
     }
 
-    /// Answers frames, after greeting the host.
-    #[task(priority = 1, shared = [dropped])]
+    /// A control period.
+    #[task(binds = ADC, priority = 5, local = [hardware, due, verify, number], shared = [drive, mailbox])]
+    fn control(cx: control::Context) {
+        let (mut drive, mut mailbox) = (cx.shared.drive, cx.shared.mailbox);
+        let hardware = cx.local.hardware;
+        let (sample, news) = mailbox.lock(|mailbox| hardware.sample(mailbox));
+        let Some(sample) = sample else { return };
+        drive.lock(|drive| {
+            let actuation = drive.step(&sample, &news);
+            hardware.actuate(drive, &actuation);
+            if let Some(selection) = drive.due() {
+                *cx.local.number = cx.local.number.wrapping_add(1);
+                // A line that is busy shows as a gap in the numbers.
+                let _ = cx
+                    .local
+                    .due
+                    .try_send((*cx.local.number, selection, *drive.snapshot()));
+            }
+            if drive.snapshot().period.is_multiple_of(VERIFY_EVERY) {
+                // A chore that still waits does the same.
+                let _ = cx.local.verify.try_send(Chore::Verify);
+            }
+        });
+    }
+
+    /// Carries out commands, after greeting the host.
+    #[task(priority = 2, shared = [drive, receiver])]
     async fn serve(
         mut cx: serve::Context,
-        mut requests: Receiver<'static, Received, BACKLOG>,
-        mut responses: Sender<'static, Frame, WAITING>,
+        hello: Hello,
+        mut packets: Receiver<'static, Packet<f32>, BACKLOG>,
+        mut chores: Sender<'static, Chore, BACKLOG>,
+        mut postbox: Postbox,
     ) {
-        let mut server = Server::new();
-        let mut response = Server::hello();
-        loop {
-            // Every response fits a frame, which a test of `link` holds; and the outbox is never dropped. Were either to
-            // change, the host would miss one answer and the board would go on listening.
-            if let Ok(frame) = encode(&response) {
-                let _ = responses.send(frame).await;
-                rtic::pend(Interrupt::USART1);
-            }
-            // A drop implies a full backlog, so this is looked at once more after it.
-            response = match cx.shared.dropped.lock(core::mem::take) {
-                0 => match requests.recv().await {
-                    Ok(received) => server.answer(received),
-                    // The sender lives in a resource that is never dropped.
-                    Err(_) => return,
-                },
-                frames => server.overrun(frames),
+        postbox.send(&Report::<f32>::Hello(hello)).await;
+        // The senders live in resources that are never dropped.
+        while let Ok(Packet { sequence, command }) = packets.recv().await {
+            let lost = cx.shared.receiver.lock(|receiver| receiver.counters());
+            let counters = Counters {
+                stack: stack::deepest(),
+                ..lost
             };
+            let reaction = cx
+                .shared
+                .drive
+                .lock(|drive| link::serve(drive, counters, &command));
+            let report = match reaction {
+                Reaction::Answer(answer) => Report::Answer {
+                    to: sequence,
+                    answer,
+                },
+                Reaction::Greet => Report::Hello(hello),
+                Reaction::Store => {
+                    let _ = chores.send(Chore::Store(sequence)).await;
+                    continue;
+                }
+                Reaction::Inject(injection) => {
+                    let _ = chores.send(Chore::Inject(sequence, injection)).await;
+                    continue;
+                }
+            };
+            postbox.send(&report).await;
+        }
+    }
+
+    /// Sends telemetry.
+    #[task(priority = 1)]
+    async fn stream(
+        _: stream::Context,
+        mut due: Receiver<'static, Due, SNAPSHOTS>,
+        mut postbox: Postbox,
+    ) {
+        while let Ok((number, selection, snapshot)) = due.recv().await {
+            let report = Report::<f32>::Telemetry {
+                number,
+                period: snapshot.period,
+                words: snapshot.chosen(selection),
+            };
+            postbox.send(&report).await;
+        }
+    }
+
+    /// Does what takes long: compares the parameters, and writes the flash.
+    #[task(priority = 1, shared = [drive])]
+    async fn keep(
+        mut cx: keep::Context,
+        mut chores: Receiver<'static, Chore, BACKLOG>,
+        mut storage: Storage,
+        mut postbox: Postbox,
+    ) {
+        while let Ok(chore) = chores.recv().await {
+            let (to, answer) = match chore {
+                Chore::Verify => {
+                    cx.shared.drive.lock(Drive::verify);
+                    continue;
+                }
+                Chore::Inject(to, injection) => {
+                    let answer = storage.inject(injection);
+                    if answer == Answer::Done {
+                        cx.shared.drive.lock(|drive| link::suffer(drive, injection));
+                    }
+                    (to, answer)
+                }
+                Chore::Store(to) => {
+                    let parameters = cx.shared.drive.lock(|drive| *drive.parameters());
+                    (to, storage.save(&parameters))
+                }
+            };
+            let report = Report::<f32>::Answer { to, answer };
+            postbox.send(&report).await;
         }
     }
 }

@@ -55,6 +55,9 @@ pub enum Error {
     /// The recording and the model are each in order, but the fit cannot be made.
     #[error("{0}")]
     NotIdentifiable(String),
+    /// The emulator or the firmware in it failed.
+    #[error("the emulated board failed: {0}; please report this with the command")]
+    Emulator(String),
     /// A defect of Bristle itself.
     #[error("internal failure: {0}; please report this with the recording and the model file")]
     Internal(String),
@@ -64,7 +67,7 @@ impl Error {
     /// The process exit status: 2 for unusable input or arguments, 1 for an internal failure.
     pub fn exit_status(&self) -> u8 {
         match self {
-            Self::Internal(_) => 1,
+            Self::Internal(_) | Self::Emulator(_) => 1,
             _ => 2,
         }
     }

@@ -2,7 +2,7 @@
 //!
 //! Data goes one way. A module uses only those before it in this order, which `tests/structure.rs` checks:
 //!
-//! format → motion → error → effects → model → recording → weak → problem → noise → linear → projection → system → scan → normal → uncertainty → refine → dictionary → axis → step → simulate → plant → tune → excite → bench → servo → fit → identify → stream → pem → curve → check → diagnose → experiment → dbi → trials → report → cli
+//! format → motion → error → effects → model → recording → weak → problem → noise → linear → projection → system → scan → normal → uncertainty → refine → dictionary → axis → step → simulate → plant → tune → excite → bench → servo → emulate → fit → identify → stream → pem → curve → check → diagnose → experiment → dbi → trials → report → cli
 
 pub mod axis;
 pub mod bench;
@@ -13,6 +13,8 @@ pub mod dbi;
 pub mod diagnose;
 pub mod dictionary;
 pub mod effects;
+#[cfg(unix)]
+pub mod emulate;
 pub mod error;
 pub mod excite;
 pub mod experiment;

@@ -1,5 +1,7 @@
 //! One axis under control: everything put together.
 
+use serde::{Deserialize, Serialize};
+
 use super::backlash::Play;
 use super::compensation::Velocities;
 use super::derived::Derived;
@@ -9,10 +11,12 @@ use super::{Invalid, Learning, Observer, Parameters, Position};
 use crate::Scalar;
 
 /// What the axis is to do.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum SetPoint<T> {
     /// Nothing: `u = 0`. The observer goes on.
     Off,
+    /// This `u`, within its limit; nothing is compensated.
+    Command(T),
     /// This torque or force on the motor side, N·m or N; nothing is compensated.
     Torque(T),
     /// A velocity.
@@ -159,7 +163,7 @@ impl<T: Scalar> Controller<T> {
         let (holding, wave) = self.placed(position, velocity);
         let (mut friction, mut error) = (T::ZERO, T::ZERO);
         let torque = match set_point {
-            SetPoint::Off => T::ZERO,
+            SetPoint::Off | SetPoint::Command(_) => T::ZERO,
             SetPoint::Torque(torque) => torque,
             _ => {
                 let wanted = self.wanted(set_point, moved);
@@ -174,8 +178,11 @@ impl<T: Scalar> Controller<T> {
                 self.feed_back(&wanted, ahead, moved)
             }
         };
-        let off = set_point == SetPoint::Off;
-        let (command, torque, saturated) = self.limited(torque, velocity, off);
+        let (command, torque, saturated) = match set_point {
+            SetPoint::Off => self.given(T::ZERO, velocity),
+            SetPoint::Command(command) => self.given(command, velocity),
+            _ => self.limited(torque, velocity),
+        };
         let finite = self.remember(torque, holding, wave);
         Output {
             command: if finite { command } else { T::ZERO },
@@ -308,7 +315,7 @@ impl<T: Scalar> Controller<T> {
                 acceleration,
                 rest: false,
             },
-            SetPoint::Off | SetPoint::Torque(_) => Wanted {
+            SetPoint::Off | SetPoint::Command(_) | SetPoint::Torque(_) => Wanted {
                 error: T::ZERO,
                 velocity: T::ZERO,
                 command: T::ZERO,
@@ -341,13 +348,18 @@ impl<T: Scalar> Controller<T> {
         torque
     }
 
+    /// Command, torque and whether a limit cut them, for a command asked for.
+    fn given(&self, wanted: T, velocity: T) -> (T, T, bool) {
+        let p = &self.parameters;
+        let command = wanted.clamp_symmetric(p.command_limit);
+        let made = p.gain * (command - p.back_emf * velocity);
+        (command, made, command != wanted)
+    }
+
     /// Command, torque and whether a limit cut them, for a torque asked for.
-    fn limited(&self, torque: T, velocity: T, off: bool) -> (T, T, bool) {
+    fn limited(&self, torque: T, velocity: T) -> (T, T, bool) {
         let p = &self.parameters;
         let counter = p.back_emf * velocity;
-        if off {
-            return (T::ZERO, -(p.gain * counter), false);
-        }
         let allowed = torque.clamp_symmetric(p.torque_limit);
         let wanted = allowed * self.derived.per_torque + counter;
         let command = wanted.clamp_symmetric(p.command_limit);

@@ -1,157 +1,174 @@
-//! The board's side of the conversation, without the hardware: what ships is what the host tests.
+//! What the board does on a command, without the hardware: what ships is what the host tests.
 
-use super::{CHUNK, Frame, Law, PROTOCOL_VERSION, Rejection, Request, Response, Samples, decode};
-use crate::friction::Friction;
+use super::{Answer, CHUNK, Command, Counters, Injection};
+use crate::drive::{Drive, Fault, Number, Refusal};
 
-/// Answers requests. Its only state is the law in force and the number of refusals.
-#[derive(Debug, Default)]
-pub struct Server {
-    law: Option<Law>,
-    rejected: u32,
+/// What is left to do for a command that needs more than the drive.
+#[derive(Clone, Debug, PartialEq)]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "a board has no heap to put the larger one on"
+)]
+pub enum Reaction<T> {
+    /// Send this.
+    Answer(Answer<T>),
+    /// Greet the host.
+    Greet,
+    /// Write the parameters in force to the flash.
+    Store,
+    /// Let the hardware fail.
+    Inject(Injection),
 }
 
-impl Server {
-    /// A server without a law.
-    pub const fn new() -> Self {
-        Self {
-            law: None,
-            rejected: 0,
+/// Carries out a command.
+pub fn serve<T: Number>(
+    drive: &mut Drive<T>,
+    counters: Counters,
+    command: &Command<T>,
+) -> Reaction<T> {
+    let answer = match *command {
+        Command::Hello => return Reaction::Greet,
+        Command::Inject(injection) => return Reaction::Inject(injection),
+        Command::Store => match drive.must_not_run() {
+            Ok(()) => return Reaction::Store,
+            Err(refusal) => Err(refusal),
+        },
+        // The receiver passes these two on to the control task by itself.
+        Command::Sample(_) | Command::SetPoint(_) => Err(Refusal::NotEmulated),
+        Command::Enable => drive.enable().map(|()| Answer::Done),
+        Command::Disable => {
+            drive.disable();
+            Ok(Answer::Done)
         }
-    }
-
-    /// The greeting, sent unasked at boot.
-    pub const fn hello() -> Response {
-        Response::Hello {
-            version: PROTOCOL_VERSION,
-            chunk: CHUNK as u16,
+        Command::Clear => {
+            drive.clear();
+            Ok(Answer::Done)
         }
-    }
-
-    /// Answers one frame, or the failure to receive one.
-    pub fn answer(&mut self, received: Result<Frame, Rejection>) -> Response {
-        received
-            .and_then(decode)
-            .and_then(|request| self.serve(request))
-            .unwrap_or_else(|reason| self.refuse(reason, 1))
-    }
-
-    /// Accounts for `frames` that had to be dropped before they could be served.
-    pub fn overrun(&mut self, frames: u32) -> Response {
-        self.refuse(Rejection::Overrun, frames)
-    }
-
-    fn serve(&mut self, request: Request) -> Result<Response, Rejection> {
-        match request {
-            Request::Hello => Ok(Self::hello()),
-            Request::SetLaw(law) if law.is_valid() => {
-                self.law = Some(law);
-                Ok(Response::LawSet)
-            }
-            Request::SetLaw(_) => Err(Rejection::InvalidLaw),
-            Request::Evaluate {
-                sequence,
-                velocities,
-            } => {
-                let law = self.law.ok_or(Rejection::NoLaw)?;
-                let forces = evaluate(law, velocities)?;
-                Ok(Response::Forces { sequence, forces })
-            }
+        Command::Status => Ok(Answer::Status {
+            state: drive.state(),
+            faults: drive.faults(),
+            counters,
+        }),
+        Command::Set(ref parameters) => drive.set(parameters).map(|()| Answer::Done),
+        Command::Get => Ok(Answer::Parameters(*drive.parameters())),
+        Command::Record(order) if drive.recorder().start(order) => Ok(Answer::Done),
+        Command::Record(_) => Err(Refusal::NothingSelected),
+        Command::StopRecording => {
+            drive.recorder().stop();
+            Ok(Answer::Done)
         }
-    }
-
-    fn refuse(&mut self, reason: Rejection, frames: u32) -> Response {
-        self.rejected = self.rejected.saturating_add(frames);
-        Response::Rejected {
-            reason,
-            total: self.rejected,
+        Command::Recorded => Ok(Answer::Recorded(drive.recorder().contents())),
+        Command::Read { first } => Ok(Answer::Words {
+            first,
+            words: drive.recorder().read(first).take(CHUNK).collect(),
+        }),
+        Command::Telemetry { selection, every } => {
+            drive.stream(selection, every);
+            Ok(Answer::Done)
         }
-    }
+    };
+    Reaction::Answer(answer.unwrap_or_else(Answer::Refused))
 }
 
-/// Replaces each velocity by the friction at it: in place, so that one buffer serves both.
-fn evaluate(law: Law, mut samples: Samples) -> Result<Samples, Rejection> {
-    for sample in &mut samples {
-        if !sample.is_finite() {
-            return Err(Rejection::NotFinite);
-        }
-        *sample = law.sliding(*sample);
+/// Brings about the part of a fault that happens in the drive. Only for a board whose hardware is not real.
+pub fn suffer<T: Number>(drive: &mut Drive<T>, injection: Injection) {
+    match injection {
+        Injection::CorruptParameter => drive.corrupt(),
+        Injection::Clock => drive.raise(Fault::Clock),
+        Injection::CorruptFlash { .. } | Injection::Hang | Injection::Restart => {}
     }
-    Ok(samples)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::Server;
-    use crate::friction::{CoulombViscous, Curve, Friction, Stribeck};
-    use crate::link::{Frame, Law, Rejection, Request, Response, Samples, encode};
+    use super::{Reaction, serve, suffer};
+    use crate::control::SetPoint;
+    use crate::drive::recorder::{Order, Trigger};
+    use crate::drive::signal::{Selection, Signal};
+    use crate::drive::{Drive, Faults, News, Parameters, Refusal, Sample, State};
+    use crate::link::{Answer, CHUNK, Command, Counters, Injection};
 
-    const FRICTION: CoulombViscous<f32> = CoulombViscous {
-        coulomb: 0.2,
-        viscous: 0.01,
-    };
-    const LAW: Law = Law::CoulombViscous(FRICTION);
-
-    fn ask(server: &mut Server, request: &Request) -> Response {
-        let mut frame = encode(request).unwrap();
-        frame.pop(); // the delimiter
-        server.answer(Ok(frame))
+    fn drive() -> Drive<'static, f32> {
+        let ring = std::vec![0; 200].leak();
+        Drive::new(Parameters::harmless(), Faults::NONE, ring).unwrap()
     }
 
-    fn evaluate(velocities: &[f32]) -> Request {
-        Request::Evaluate {
-            sequence: 7,
-            velocities: Samples::from_slice(velocities).unwrap(),
+    fn answer(drive: &mut Drive<f32>, command: &Command<f32>) -> Answer<f32> {
+        match serve(drive, Counters::default(), command) {
+            Reaction::Answer(answer) => answer,
+            other => panic!("{other:?}"),
         }
     }
 
     #[test]
-    fn forces_are_those_of_the_law_in_force() {
-        let mut server = Server::new();
-        assert_eq!(ask(&mut server, &Request::SetLaw(LAW)), Response::LawSet);
-        let velocities = [-3.0, -0.0, 0.0, 1e-30, 42.0];
-        let expected = Response::Forces {
-            sequence: 7,
-            forces: velocities.iter().map(|&v| FRICTION.sliding(v)).collect(),
+    fn what_needs_hardware_is_left_to_the_board() {
+        let mut drive = drive();
+        let serve = |drive: &mut Drive<f32>, command| serve(drive, Counters::default(), &command);
+        assert_eq!(serve(&mut drive, Command::Hello), Reaction::Greet);
+        assert_eq!(serve(&mut drive, Command::Store), Reaction::Store);
+        let injection = Injection::CorruptParameter;
+        let left = serve(&mut drive, Command::Inject(injection));
+        assert_eq!(left, Reaction::Inject(injection));
+        drive.verify();
+        assert_eq!(drive.state(), State::Off);
+        suffer(&mut drive, injection);
+        drive.verify();
+        assert_eq!(drive.state(), State::Faulted);
+    }
+
+    #[test]
+    fn a_refusal_changes_nothing() {
+        let mut drive = drive();
+        assert_eq!(answer(&mut drive, &Command::Enable), Answer::Done);
+        let mut other = Parameters::harmless();
+        other.limits.jump = 1;
+        for (command, why) in [
+            (Command::Set(other), Refusal::Running),
+            (Command::Store, Refusal::Running),
+            (Command::Enable, Refusal::Running),
+            (Command::SetPoint(SetPoint::Off), Refusal::NotEmulated),
+            (Command::Sample(Sample::default()), Refusal::NotEmulated),
+        ] {
+            assert_eq!(answer(&mut drive, &command), Answer::Refused(why));
+        }
+        let get = answer(&mut drive, &Command::Get);
+        assert_eq!(get, Answer::Parameters(Parameters::harmless()));
+        assert_eq!(answer(&mut drive, &Command::Disable), Answer::Done);
+        assert_eq!(answer(&mut drive, &Command::Set(other)), Answer::Done);
+        assert_eq!(answer(&mut drive, &Command::Get), Answer::Parameters(other));
+    }
+
+    #[test]
+    fn a_recording_is_read_in_chunks_to_its_end() {
+        let mut drive = drive();
+        let order = Order {
+            selection: Selection::of(&[Signal::Position, Signal::Bus]),
+            every: 1,
+            trigger: Trigger::Now,
+            before: 0,
         };
-        assert_eq!(ask(&mut server, &evaluate(&velocities)), expected);
-    }
-
-    #[test]
-    fn refusals_name_their_reason_and_are_counted() {
-        let mut server = Server::new();
-        let invalid = Law::Stribeck(Stribeck {
-            coulomb: 0.2,
-            viscous: 0.0,
-            static_level: 0.1, // below the Coulomb level
-            stribeck_velocity: 0.1,
-            curve: Curve::Exponential,
-        });
-        let rejected = |reason, total| Response::Rejected { reason, total };
-        let answer = ask(&mut server, &evaluate(&[1.0]));
-        assert_eq!(answer, rejected(Rejection::NoLaw, 1));
-        let answer = ask(&mut server, &Request::SetLaw(invalid));
-        assert_eq!(answer, rejected(Rejection::InvalidLaw, 2));
-        let answer = server.answer(Ok(Frame::from_slice(b"garbage").unwrap()));
-        assert_eq!(answer, rejected(Rejection::Corrupt, 3));
-        let answer = server.answer(Err(Rejection::TooLong));
-        assert_eq!(answer, rejected(Rejection::TooLong, 4));
-        assert_eq!(server.overrun(3), rejected(Rejection::Overrun, 7));
-
-        assert_eq!(ask(&mut server, &Request::SetLaw(LAW)), Response::LawSet);
-        let answer = ask(&mut server, &evaluate(&[1.0, f32::NAN]));
-        assert_eq!(answer, rejected(Rejection::NotFinite, 8));
-    }
-
-    #[test]
-    fn a_refused_law_leaves_the_old_one_in_force() {
-        let mut server = Server::new();
-        ask(&mut server, &Request::SetLaw(LAW));
-        let before = ask(&mut server, &evaluate(&[1.0]));
-        let invalid = Law::CoulombViscous(CoulombViscous {
-            coulomb: -1.0,
-            ..FRICTION
-        });
-        ask(&mut server, &Request::SetLaw(invalid));
-        assert_eq!(ask(&mut server, &evaluate(&[1.0])), before);
+        assert_eq!(answer(&mut drive, &Command::Record(order)), Answer::Done);
+        for k in 0..70 {
+            let sample = Sample {
+                count: 10 * k,
+                ..Sample::default()
+            };
+            drive.step(&sample, &News::NONE);
+        }
+        let mut words = std::vec::Vec::new();
+        loop {
+            let first = words.len() as u32;
+            let Answer::Words { words: more, .. } = answer(&mut drive, &Command::Read { first })
+            else {
+                panic!("no words")
+            };
+            words.extend_from_slice(&more);
+            if more.len() < CHUNK {
+                break;
+            }
+        }
+        let positions = words.iter().step_by(2).copied();
+        assert!(positions.eq((0..70).map(|k| 10 * k)));
+        assert_eq!(words.len(), 140);
     }
 }

@@ -3,6 +3,8 @@
 use core::fmt;
 use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
+use serde::{Deserialize, Serialize};
+
 use super::{Scalar, quarter, turned};
 
 /// A multiple of 2⁻¹⁶ from −2¹⁵ up to 2¹⁵ − 2⁻¹⁶.
@@ -26,7 +28,7 @@ use super::{Scalar, quarter, turned};
 ///
 /// The target decides, and there the division makes the difference: it takes two hardware divisions here and a
 /// library call there.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize)]
 #[repr(transparent)]
 pub struct Q16(i32);
 

@@ -58,8 +58,17 @@ impl<S: Scalar> TestFunction<S> {
         let x2 = x * x;
         // ∫(1 − x²)⁶ = x − 2x³ + 3x⁵ − 20/7 x⁷ + 5/3 x⁹ − 6/11 x¹¹ + x¹³/13, by Horner's rule.
         let mut sum = S::from_f64(1.0 / 13.0);
-        for c in [-6.0 / 11.0, 5.0 / 3.0, -20.0 / 7.0, 3.0, -2.0, 1.0] {
-            sum = sum * x2 + S::from_f64(c);
+        // Each converted where it stands: a loop over `f64` would convert at run time, in software on a board.
+        let coefficients = [
+            S::from_f64(-6.0 / 11.0),
+            S::from_f64(5.0 / 3.0),
+            S::from_f64(-20.0 / 7.0),
+            S::from_f64(3.0),
+            S::from_f64(-2.0),
+            S::ONE,
+        ];
+        for c in coefficients {
+            sum = sum * x2 + c;
         }
         S::from_f64(0.5) + S::from_f64(0.5 / AREA) * x * sum
     }

@@ -113,7 +113,7 @@ enum Controller {
 const SAMPLES: std::ops::RangeInclusive<f64> = 200.0..=2e7;
 
 /// `LOW:HIGH` in Hz.
-fn band(text: &str) -> std::result::Result<(f64, f64), String> {
+pub(super) fn band(text: &str) -> std::result::Result<(f64, f64), String> {
     let pair = text
         .split_once(':')
         .map(|(low, high)| (low.trim().parse(), high.trim().parse()));

@@ -3,18 +3,19 @@
 use std::fmt::Write;
 
 use anstyle::Style;
+use bristle_core::drive::Fault;
 use clap::Args;
 
 use super::{DONE, Outcome};
 use crate::effects::{self, Effect};
 use crate::error::Error;
 
-/// Explain an effect: what it is, what it looks like, what excites it, what it is confused with
+/// Explain an effect or a fault: what it is, what it looks like, what excites it, what it is confused with
 ///
-/// Without an id it lists the catalogue, and which effects this version does not diagnose yet.
+/// Without an id it lists the catalogue of effects and the faults of the motor driver.
 #[derive(Args, Debug)]
 pub(super) struct Command {
-    /// Id of an effect, such as stribeck
+    /// Id of an effect, such as stribeck, or of a fault, such as overcurrent
     id: Option<String>,
 }
 
@@ -34,7 +35,14 @@ fn list() -> String {
     for effect in effects::ALL {
         let _ = writeln!(text, "  {:<28}{}", effect.id(), effect.name());
     }
-    text.push_str("\nbristle explain ID tells more about one of them.\n");
+    text.push_str("\nFaults that a board turns its bridge off for:\n");
+    for fault in Fault::ALL {
+        let id = fault.page().id;
+        let _ = writeln!(text, "  {:>2}  {id}", fault.number());
+    }
+    text.push_str(
+        "\nbristle explain ID tells more about one of them; a fault goes by its number as well.\n",
+    );
     text
 }
 
@@ -42,14 +50,21 @@ fn explain(id: &str) -> Result<String, Error> {
     if let Some(effect) = effects::find(id) {
         return Ok(page(effect));
     }
-    let every = effects::ALL.iter().map(|e| e.id());
+    let asked = |f: &Fault| f.page().id == id || f.number().to_string() == id;
+    if let Some(fault) = Fault::ALL.into_iter().find(asked) {
+        return Ok(fault_page(fault));
+    }
+    let faults = Fault::ALL.iter().map(|f| f.page().id);
+    let every = effects::ALL.iter().map(|e| e.id()).chain(faults);
     let close: Vec<&str> = every.filter(|known| related(known, id)).collect();
     let hint = if close.is_empty() {
         "bristle explain lists them all".to_owned()
     } else {
         format!("did you mean {}?", close.join(" or "))
     };
-    Err(Error::Usage(format!("there is no effect {id:?}; {hint}")))
+    Err(Error::Usage(format!(
+        "there is no effect or fault {id:?}; {hint}"
+    )))
 }
 
 /// Whether two ids share a word of at least four letters, or begin alike.
@@ -60,6 +75,22 @@ fn related(known: &str, asked: &str) -> bool {
         || asked
             .split('-')
             .any(|word| word.len() >= 4 && known.contains(word))
+}
+
+/// What the motor driver's own table says about a fault.
+fn fault_page(fault: Fault) -> String {
+    let bold = Style::new().bold();
+    let page = fault.page();
+    let (number, id) = (fault.number(), page.id);
+    let mut text = format!("{bold}Fault {number} ({id}){bold:#}\n");
+    for (heading, words) in [
+        ("Raised when", page.detection),
+        ("The bridge is off in", page.reaction),
+        ("What to do", page.remedy),
+    ] {
+        let _ = writeln!(text, "\n{bold}{heading}{bold:#}\n{words}");
+    }
+    text
 }
 
 /// The effect's own documentation, its headings in bold, followed by its parameters.

@@ -5,6 +5,8 @@ mod curve;
 mod dbi;
 mod demo;
 mod diagnose;
+#[cfg(unix)]
+mod emulate;
 mod experiment;
 mod explain;
 mod identify;
@@ -44,6 +46,10 @@ enum Verb {
     Identify(identify::Command),
     Dbi(dbi::Command),
     Simulate(simulate::Command),
+    #[cfg(unix)]
+    Emulate(emulate::Emulate),
+    #[cfg(unix)]
+    Record(emulate::Make),
     Explain(explain::Command),
     Tune(tune::Command),
     Experiment(experiment::Command),
@@ -59,6 +65,10 @@ pub fn run() -> u8 {
         Verb::Identify(command) => command.run(),
         Verb::Dbi(command) => command.run(),
         Verb::Simulate(command) => command.run(),
+        #[cfg(unix)]
+        Verb::Emulate(command) => command.run(),
+        #[cfg(unix)]
+        Verb::Record(command) => command.run(),
         Verb::Explain(command) => command.run(),
         Verb::Tune(command) => command.run(),
         Verb::Experiment(command) => command.run(),

@@ -1,0 +1,451 @@
+//! `bristle emulate` and `bristle record`
+
+use std::f64::consts::TAU;
+use std::path::{Path, PathBuf};
+
+use bristle_core::control::SetPoint;
+use bristle_core::drive::recorder::{Order, Trigger};
+use bristle_core::drive::signal::{Selection, Signal};
+use bristle_core::link::Command as Request;
+use clap::{Args, ValueEnum};
+use serde_json::json;
+
+use super::bench::{Excite, csv};
+use super::output::{self, Outputs};
+use super::{DONE, Outcome as Status, terminal};
+use crate::bench::Record;
+use crate::emulate::{
+    self, Board, Driver, Launch, OnHost, Outcome, Plan, Sensors, Setup, Transport, image,
+};
+use crate::error::{Error, Result};
+use crate::excite::{Excitation, Shape};
+use crate::model::{Model, Motion};
+use crate::plant;
+use crate::tune::Wish;
+
+/// What both verbs say at the end of their long help.
+const EXAMPLES: &str = "\
+Examples:
+  bristle emulate --model axis.toml --excite multisine --amplitude 1 --out run.csv
+  bristle emulate --model truth.toml --known model.toml --follow position --compensate \\
+      --excite chirp --amplitude 0.5 --band 0.2:2 --limit 2 --out run.csv --json run.json";
+
+/// Options of a run in the emulator.
+#[derive(Args, Debug)]
+struct Options {
+    /// Model file of the axis as it really is: any plant, any effect
+    #[arg(long, value_name = "M.toml")]
+    model: PathBuf,
+    /// Model file of what the board knows of it [default: the same]
+    #[arg(long, value_name = "KNOWN.toml")]
+    known: Option<PathBuf>,
+    /// Test signal
+    #[arg(long, value_name = "SHAPE")]
+    excite: Excite,
+    /// Its largest value, in the unit of what follows it
+    #[arg(long, value_name = "A", allow_negative_numbers = true)]
+    amplitude: f64,
+    /// What follows the test signal
+    #[arg(long, value_name = "WHAT", default_value = "input")]
+    follow: Follow,
+    /// Compensate the friction and the effects that the board knows of
+    #[arg(long)]
+    compensate: bool,
+    /// Lowest and highest frequency of the test signal, Hz
+    #[arg(long, value_name = "LOW:HIGH", value_parser = super::bench::band, default_value = "0.1:10")]
+    band: (f64, f64),
+    /// Length of the run, s
+    #[arg(long, value_name = "SECONDS", default_value_t = 10.0)]
+    duration: f64,
+    /// Control periods a second
+    #[arg(long, value_name = "HZ", default_value_t = 1000.0)]
+    rate: f64,
+    /// What random phases and levels are drawn from
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Frequency up to which the position follows its set point, Hz [default: a hundredth of the rate]
+    #[arg(long, value_name = "HZ")]
+    bandwidth: Option<f64>,
+    /// Largest input that the board may apply, in the unit of u [default: twice the amplitude under --follow input]
+    #[arg(long, value_name = "U")]
+    limit: Option<f64>,
+    /// Encoder counts per turn or per metre
+    #[arg(long, value_name = "N", default_value_t = 16384.0)]
+    counts: f64,
+    /// How frames travel to the emulated board and back
+    #[arg(long, value_name = "LINE", default_value = "fast")]
+    transport: Line,
+    /// Image of the firmware [default: built from the sources by cargo]
+    #[arg(long, value_name = "ELF", conflicts_with = "on_host")]
+    image: Option<PathBuf>,
+    /// Run the same drive on the host, without the emulator: the results are the same bits
+    #[arg(long)]
+    on_host: bool,
+    /// Where to write the recording
+    #[arg(long, value_name = "OUT.csv")]
+    out: PathBuf,
+}
+
+/// What a test signal is followed by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Follow {
+    /// u itself, with the controllers off
+    Input,
+    /// Velocity, under control
+    Velocity,
+    /// Position, under control
+    Position,
+}
+
+/// Transports.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Line {
+    /// The emulator's standard input and output
+    Fast,
+    /// The board's serial port, byte by byte through its interrupt
+    Serial,
+}
+
+/// Run the firmware in an emulator, with its axis simulated around it
+///
+/// QEMU runs the image that would be flashed on the board. Each control period, the axis moves under the last input,
+/// and its encoder, current and bus voltage go to the board as the converters would read them; the board answers with
+/// what its bridge applies. Neither side goes on before the other has answered, so the same options give the same bytes.
+/// Writes a recording as a driver would have made it, which diagnose and identify read.
+///
+/// Needs qemu-system-arm and, unless --image is given, cargo with the target thumbv7em-none-eabihf.
+#[derive(Args, Debug)]
+#[command(after_long_help = EXAMPLES)]
+pub(super) struct Emulate {
+    #[command(flatten)]
+    options: Options,
+    /// Where to write a report of the run
+    #[arg(long, value_name = "OUT.json")]
+    json: Option<PathBuf>,
+}
+
+/// Make a recording by the ring in the memory of the emulated board
+///
+/// The same run as `bristle emulate` makes, recorded not by the host but by the board itself, at full rate into the ring
+/// in its memory, and read out over the link afterwards. A run longer than the ring keeps its beginning.
+#[derive(Args, Debug)]
+#[command(after_long_help = EXAMPLES)]
+pub(super) struct Make {
+    #[command(flatten)]
+    options: Options,
+}
+
+/// Everything that a run needs.
+struct Prepared {
+    model: Model,
+    plant: Box<dyn plant::Plant>,
+    plan: Plan<f32>,
+    parameters: bristle_core::drive::Parameters<f32>,
+}
+
+impl Emulate {
+    pub fn run(&self) -> Status {
+        let options = &self.options;
+        options.check(&[Some(&options.out), self.json.as_ref()])?;
+        let mut prepared = options.prepare()?;
+        let (outcome, who) = if options.on_host {
+            let mut driver = OnHost::new(prepared.parameters)?;
+            (prepared.run(&mut driver)?, json!("host"))
+        } else {
+            let mut board = options.board(&prepared)?;
+            let outcome = prepared.run(&mut board)?;
+            (outcome, json!(board.hello()))
+        };
+        let mut outputs = Outputs::default();
+        outputs.add(Some(&options.out), || {
+            Ok(csv(&outcome.record, &prepared.model))
+        })?;
+        outputs.add(self.json.as_ref(), || Ok(report(&outcome, &who)))?;
+        terminal::written(&outputs.write()?);
+        tell(&outcome);
+        Ok(DONE)
+    }
+}
+
+impl Make {
+    pub fn run(&self) -> Status {
+        let options = &self.options;
+        options.check(&[Some(&options.out)])?;
+        if options.on_host {
+            return Err(Error::Usage(
+                "--on-host has no board to record on; leave it out, or use bristle emulate"
+                    .to_owned(),
+            ));
+        }
+        let mut prepared = options.prepare()?;
+        let selection = Selection::of(&[Signal::Input, Signal::Position, Signal::Current]);
+        let mut board = options.board(&prepared)?;
+        board.record(Order {
+            selection,
+            every: 1,
+            trigger: Trigger::Now,
+            before: 0,
+        })?;
+        let outcome = prepared.run(&mut board)?;
+        let record = from_ring(&mut board, &outcome, options.counts_unit(&prepared.model))?;
+        let mut outputs = Outputs::default();
+        outputs.add(Some(&options.out), || Ok(csv(&record, &prepared.model)))?;
+        terminal::written(&outputs.write()?);
+        tell(&outcome);
+        Ok(DONE)
+    }
+}
+
+/// What the board has recorded, with the instants of its periods and the set points of the plan.
+fn from_ring(board: &mut Board<f32>, outcome: &Outcome<f32>, count: f64) -> Result<Record> {
+    board.tell(Request::StopRecording)?;
+    let (contents, words) = board.recorded()?;
+    let start = outcome.periods.first().map_or(0, |p| p.number);
+    let first = contents.first.wrapping_sub(start) as usize;
+    let rows = contents.rows as usize;
+    let made = &outcome.record;
+    let column = |name: Signal| {
+        let width = contents.selection.len();
+        let at = contents.selection.iter().position(|s| s == name);
+        words.iter().skip(at.unwrap_or(0)).step_by(width)
+    };
+    let part = |all: &[f64]| all.iter().skip(first).take(rows).copied().collect();
+    let number = |word: &u32| f64::from(f32::from_bits(*word));
+    Ok(Record {
+        t: part(&made.t),
+        u: column(Signal::Input).map(number).collect(),
+        q: column(Signal::Position)
+            .map(|w| f64::from(*w as i32) * count)
+            .collect(),
+        current: if made.current.is_empty() {
+            Vec::new()
+        } else {
+            column(Signal::Current).map(number).collect()
+        },
+        set_point: part(&made.set_point),
+        truth: Vec::new(),
+    })
+}
+
+impl Prepared {
+    fn run(&mut self, driver: &mut dyn Driver<f32>) -> Result<Outcome<f32>> {
+        emulate::run(driver, self.plant.as_mut(), &self.plan)
+    }
+}
+
+impl Options {
+    fn check(&self, outputs: &[Option<&PathBuf>]) -> Result<()> {
+        let mut inputs: Vec<&Path> = vec![&self.model];
+        inputs.extend(self.known.as_deref());
+        inputs.extend(self.image.as_deref());
+        output::check(&inputs, outputs)?;
+        let positive = [
+            ("--duration", Some(self.duration)),
+            ("--rate", Some(self.rate)),
+            ("--counts", Some(self.counts)),
+            ("--bandwidth", self.bandwidth),
+            ("--limit", self.limit),
+        ];
+        for (name, value) in positive {
+            if let Some(value) = value
+                && !(value > 0.0 && value.is_finite())
+            {
+                return Err(Error::Usage(format!(
+                    "{name} {value} must be a positive number"
+                )));
+            }
+        }
+        if self.amplitude == 0.0 || !self.amplitude.is_finite() {
+            return Err(Error::Usage(format!(
+                "--amplitude {} drives nothing; give a number other than zero",
+                self.amplitude
+            )));
+        }
+        let samples = (self.duration * self.rate).round();
+        if !(200.0..=1e7).contains(&samples) {
+            return Err(Error::Usage(format!(
+                "--duration {} at --rate {} makes {samples} samples; a recording has 200 to 10000000",
+                self.duration, self.rate
+            )));
+        }
+        if self.band.1 >= 0.5 * self.rate {
+            return Err(Error::Usage(format!(
+                "--band goes up to {} Hz, but at --rate {} nothing above {} Hz can be made; lower the one or raise the other",
+                self.band.1,
+                self.rate,
+                0.5 * self.rate
+            )));
+        }
+        Ok(())
+    }
+
+    fn counts_unit(&self, model: &Model) -> f64 {
+        let turn = if model.motion == Motion::Rotary {
+            TAU
+        } else {
+            1.0
+        };
+        turn / self.counts
+    }
+
+    fn input_limit(&self) -> Result<f64> {
+        match (self.limit, self.follow) {
+            (Some(limit), _) => Ok(limit),
+            (None, Follow::Input) => Ok(2.0 * self.amplitude.abs()),
+            (None, _) => Err(Error::Usage(
+                "a controller needs --limit, the largest input that it may apply, in the unit of u"
+                    .to_owned(),
+            )),
+        }
+    }
+
+    fn prepare(&self) -> Result<Prepared> {
+        let named = |path: &Path, error: Error| match error {
+            Error::Usage(what) => Error::Model {
+                path: path.to_owned(),
+                what,
+            },
+            other => other,
+        };
+        let model = Model::read(&self.model)?;
+        let plant = plant::new(&model).map_err(|e| named(&self.model, e))?;
+        let known_path = self.known.as_ref().unwrap_or(&self.model);
+        let known = Model::read(known_path)?;
+        let sensors = Sensors {
+            count: self.counts_unit(&model),
+            current_per_count: 0.02,
+            bus_per_count: 0.015,
+            bus: 24.0,
+        };
+        let setup = Setup {
+            wish: Wish {
+                bandwidth: self.bandwidth.unwrap_or(self.rate / 100.0),
+                rate: self.rate,
+                counts: self.counts,
+                limit: self.input_limit()?,
+            },
+            compensate: self.compensate,
+        };
+        let parameters = emulate::parameters(&known, &setup, &sensors);
+        let parameters = parameters.map_err(|e| named(known_path, e))?;
+        let plan = self.plan(sensors);
+        Ok(Prepared {
+            model,
+            plant,
+            plan,
+            parameters,
+        })
+    }
+
+    fn plan(&self, sensors: Sensors) -> Plan<f32> {
+        let t: Vec<f64> = (0..(self.duration * self.rate).round() as usize)
+            .map(|k| k as f64 / self.rate)
+            .collect();
+        let shape = Shape::from(self.excite);
+        let excitation = Excitation {
+            shape,
+            amplitude: self.amplitude,
+            band: self.band,
+            duration: self.duration,
+            seed: self.seed,
+        };
+        let signal = excitation.values(&t);
+        // A signal with corners has no rates worth feeding forward.
+        let smooth = matches!(shape, Shape::Chirp | Shape::Multisine);
+        let rates = |k: usize| {
+            let at = |k: usize| signal[k.min(signal.len() - 1)];
+            if smooth && k > 0 {
+                let (before, now, after) = (at(k - 1), at(k), at(k + 1));
+                let rate = 0.5 * (after - before) * self.rate;
+                (rate, (after - 2.0 * now + before) * self.rate * self.rate)
+            } else {
+                (0.0, 0.0)
+            }
+        };
+        let set_point = |k: usize| match self.follow {
+            Follow::Input => SetPoint::Command(signal[k] as f32),
+            Follow::Velocity => SetPoint::Velocity {
+                velocity: signal[k] as f32,
+                acceleration: rates(k).0 as f32,
+            },
+            Follow::Position => emulate::position(signal[k], rates(k), sensors.count),
+        };
+        Plan {
+            set_points: (0..t.len()).map(set_point).collect(),
+            positions: if self.follow == Follow::Position {
+                signal.clone()
+            } else {
+                Vec::new()
+            },
+            t,
+            sensors,
+        }
+    }
+
+    /// An emulated board that is set up and on.
+    fn board(&self, prepared: &Prepared) -> Result<Board<f32>> {
+        let image = match &self.image {
+            Some(image) if image.is_file() => image.clone(),
+            Some(image) => {
+                return Err(Error::Usage(format!(
+                    "{}: no such image; give an ELF file, or leave --image out to build one",
+                    image.display()
+                )));
+            }
+            None => image::build(image::F405, None)?,
+        };
+        let transport = match self.transport {
+            Line::Fast => Transport::Fast,
+            Line::Serial => Transport::Serial,
+        };
+        let mut board = Board::boot(&image, Launch::F405, transport)?;
+        board.tell(Request::Set(prepared.parameters))?;
+        board.tell(Request::Enable)?;
+        Ok(board)
+    }
+}
+
+/// When the bridge went off and why, if it did.
+fn trip(outcome: &Outcome<f32>) -> Option<(f64, Vec<&'static str>)> {
+    let at = outcome.periods.iter().position(|p| !p.faults.is_empty())?;
+    let ids = outcome.periods[at].faults.iter().map(|f| f.page().id);
+    Some((outcome.record.t[at], ids.collect()))
+}
+
+/// RMS and largest distance between set point and measured position.
+fn tracking(record: &Record) -> Option<(f64, f64)> {
+    let errors = record.set_point.iter().zip(&record.q).map(|(r, q)| r - q);
+    let (sum, most) = errors.fold((0.0, 0.0_f64), |(sum, most), e| {
+        (sum + e * e, most.max(e.abs()))
+    });
+    let n = record.set_point.len();
+    (n > 0).then(|| ((sum / n as f64).sqrt(), most))
+}
+
+fn report(outcome: &Outcome<f32>, who: &serde_json::Value) -> String {
+    let tracking = tracking(&outcome.record).map(|(rms, most)| json!({ "rms": rms, "max": most }));
+    let trip = trip(outcome).map(|(t, faults)| json!({ "t": t, "faults": faults }));
+    let most = outcome.record.u.iter().fold(0.0_f64, |m, u| m.max(u.abs()));
+    let text = json!({
+        "schema": "bristle.emulation/1",
+        "driver": who,
+        "samples": outcome.record.t.len(),
+        "tracking": tracking,
+        "largest_input": most,
+        "trip": trip,
+    });
+    format!("{text:#}\n")
+}
+
+/// What is worth knowing about the run.
+fn tell(outcome: &Outcome<f32>) {
+    if let Some((t, faults)) = trip(outcome) {
+        terminal::note(&format!(
+            "the board turned its bridge off at t = {t} s: {}; bristle explain tells about each",
+            faults.join(", ")
+        ));
+    }
+    if let Some((rms, most)) = tracking(&outcome.record) {
+        terminal::note(&format!("position error {rms:.3e} RMS, {most:.3e} at most"));
+    }
+}

@@ -1,0 +1,26 @@
+//! The motor driver in the emulator, with its axis on the host.
+//!
+//! QEMU runs the image that would be flashed; this module plays the hardware around it, period by period: the plant moves
+//! under the last input, its sensors are read as the board's converters would, the readings go to the board as a frame,
+//! and the board answers what its bridge does. Neither side goes on before the other has answered, so a run is
+//! the same every time, whatever the machine is busy with.
+//!
+//! - [`image`](mod@image): the firmware, given or built.
+//! - [`Machine`]: the emulator's process and the line to it.
+//! - [`Board`]: the host's end of the link.
+//! - [`Sensors`]: from the plant's state to the readings of converters.
+//! - [`parameters`]: from a model file to what a board has to be told.
+//! - [`run`]: the lockstep of all of them.
+
+mod board;
+pub mod image;
+mod machine;
+mod run;
+mod sensors;
+mod setup;
+
+pub use board::{Board, Telemetry};
+pub use machine::{Launch, Machine, QEMU, Transport};
+pub use run::{Driver, OnHost, Outcome, Period, Plan, position, run};
+pub use sensors::Sensors;
+pub use setup::{Setup, parameters};
