@@ -83,6 +83,7 @@ fn plan(samples: usize) -> Plan<f32> {
         set_points: t.iter().map(set_point).collect(),
         positions: t.iter().map(|t| reference(*t).0).collect(),
         t,
+        loads: Vec::new(),
         sensors: SENSORS,
     }
 }

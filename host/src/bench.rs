@@ -99,6 +99,12 @@ pub fn record(
     Record { t, ..out }
 }
 
+/// A load of this RMS for each of `samples`, as [`record`] draws it.
+pub fn loads(samples: usize, rms: f64, seed: u64) -> Vec<f64> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    (0..samples).map(|_| normal(&mut rng, rms)).collect()
+}
+
 /// Noise of this RMS: a sum of twelve uniform numbers, which is close to normal.
 fn normal(rng: &mut ChaCha8Rng, rms: f64) -> f64 {
     if rms > 0.0 {

@@ -58,6 +58,9 @@ pub enum Error {
     /// The emulator or the firmware in it failed.
     #[error("the emulated board failed: {0}; please report this with the command")]
     Emulator(String),
+    /// A board at the other end of the link did not do what it should.
+    #[error("the board: {0}")]
+    Board(String),
     /// A defect of Bristle itself.
     #[error("internal failure: {0}; please report this with the recording and the model file")]
     Internal(String),
@@ -67,7 +70,7 @@ impl Error {
     /// The process exit status: 2 for unusable input or arguments, 1 for an internal failure.
     pub fn exit_status(&self) -> u8 {
         match self {
-            Self::Internal(_) | Self::Emulator(_) => 1,
+            Self::Internal(_) | Self::Emulator(_) | Self::Board(_) => 1,
             _ => 2,
         }
     }

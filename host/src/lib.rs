@@ -2,14 +2,18 @@
 //!
 //! Data goes one way. A module uses only those before it in this order, which `tests/structure.rs` checks:
 //!
-//! format → motion → error → effects → model → recording → weak → problem → noise → linear → projection → system → scan → normal → uncertainty → refine → dictionary → axis → step → simulate → plant → tune → excite → bench → servo → emulate → fit → identify → stream → pem → curve → check → diagnose → experiment → dbi → trials → report → cli
+//! format → motion → error → effects → model → recording → weak → problem → noise → linear → projection → system → scan → normal → uncertainty → refine → dictionary → axis → step → simulate → plant → tune → excite → bench → servo → link → emulate → deploy → fit → identify → stream → pem → curve → check → diagnose → experiment → dbi → trials → cycle → report → cli
 
 pub mod axis;
 pub mod bench;
 pub mod check;
 pub mod cli;
 pub mod curve;
+#[cfg(unix)]
+pub mod cycle;
 pub mod dbi;
+#[cfg(unix)]
+pub mod deploy;
 pub mod diagnose;
 pub mod dictionary;
 pub mod effects;
@@ -22,6 +26,7 @@ pub mod fit;
 pub mod format;
 pub mod identify;
 pub mod linear;
+pub mod link;
 pub mod model;
 pub mod motion;
 pub mod noise;

@@ -18,6 +18,10 @@ use crate::plant;
 /// Simulates an axis under position control whose friction has a Stribeck curve, writes what its driver would have
 /// recorded (torque and a 16384-count encoder), and diagnoses that against a model which knows only Coulomb and
 /// viscous friction.
+///
+/// With --loop it goes all the way round: the firmware in QEMU moves and records an axis that conceals an unbalance as
+/// well, the diagnosis is deployed to it, and the same task is tracked before and after. Needs qemu-system-arm and, unless
+/// --image is given, cargo with the target thumbv7em-none-eabihf.
 #[derive(Args, Debug)]
 pub(super) struct Command {
     /// Folder for the recording, the models, the JSON and the report
@@ -26,6 +30,14 @@ pub(super) struct Command {
     /// Seed of the simulated noise
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Go all the way round: record on the emulated board, diagnose, deploy, and track again
+    #[cfg(unix)]
+    #[arg(long = "loop")]
+    round: bool,
+    /// Image of the firmware for --loop [default: built from the sources by cargo]
+    #[cfg(unix)]
+    #[arg(long, value_name = "ELF", requires = "round")]
+    image: Option<PathBuf>,
 }
 
 /// The axis as it is: the diagnosis never sees this text.
@@ -66,6 +78,10 @@ impl Command {
             path: self.out.clone(),
             reason,
         })?;
+        #[cfg(unix)]
+        if self.round {
+            return super::cycle::run(&self.out, self.image.as_deref(), self.seed);
+        }
         let (recording, model) = (
             self.out.join("recording.csv"),
             self.out.join("baseline.toml"),

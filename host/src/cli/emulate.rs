@@ -311,12 +311,7 @@ impl Options {
         let plant = plant::new(&model).map_err(|e| named(&self.model, e))?;
         let known_path = self.known.as_ref().unwrap_or(&self.model);
         let known = Model::read(known_path)?;
-        let sensors = Sensors {
-            count: self.counts_unit(&model),
-            current_per_count: 0.02,
-            bus_per_count: 0.015,
-            bus: 24.0,
-        };
+        let sensors = Sensors::emulated(self.counts_unit(&model));
         let setup = Setup {
             wish: Wish {
                 bandwidth: self.bandwidth.unwrap_or(self.rate / 100.0),
@@ -378,22 +373,14 @@ impl Options {
                 Vec::new()
             },
             t,
+            loads: Vec::new(),
             sensors,
         }
     }
 
     /// An emulated board that is set up and on.
     fn board(&self, prepared: &Prepared) -> Result<Board<f32>> {
-        let image = match &self.image {
-            Some(image) if image.is_file() => image.clone(),
-            Some(image) => {
-                return Err(Error::Usage(format!(
-                    "{}: no such image; give an ELF file, or leave --image out to build one",
-                    image.display()
-                )));
-            }
-            None => image::build(image::F405, None)?,
-        };
+        let image = chosen_image(self.image.as_deref())?;
         let transport = match self.transport {
             Line::Fast => Transport::Fast,
             Line::Serial => Transport::Serial,
@@ -405,8 +392,20 @@ impl Options {
     }
 }
 
+/// The image that an option names, or one built from the sources.
+pub(super) fn chosen_image(image: Option<&Path>) -> Result<PathBuf> {
+    match image {
+        Some(image) if image.is_file() => Ok(image.to_owned()),
+        Some(image) => Err(Error::Usage(format!(
+            "{}: no such image; give an ELF file, or leave --image out to build one",
+            image.display()
+        ))),
+        None => image::build(image::F405, None),
+    }
+}
+
 /// When the bridge went off and why, if it did.
-fn trip(outcome: &Outcome<f32>) -> Option<(f64, Vec<&'static str>)> {
+pub(super) fn trip(outcome: &Outcome<f32>) -> Option<(f64, Vec<&'static str>)> {
     let at = outcome.periods.iter().position(|p| !p.faults.is_empty())?;
     let ids = outcome.periods[at].faults.iter().map(|f| f.page().id);
     Some((outcome.record.t[at], ids.collect()))

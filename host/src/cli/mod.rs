@@ -2,8 +2,12 @@
 
 mod bench;
 mod curve;
+#[cfg(unix)]
+mod cycle;
 mod dbi;
 mod demo;
+#[cfg(unix)]
+mod deploy;
 mod diagnose;
 #[cfg(unix)]
 mod emulate;
@@ -52,6 +56,8 @@ enum Verb {
     Record(emulate::Make),
     Explain(explain::Command),
     Tune(tune::Command),
+    #[cfg(unix)]
+    Deploy(deploy::Command),
     Experiment(experiment::Command),
 }
 
@@ -71,6 +77,8 @@ pub fn run() -> u8 {
         Verb::Record(command) => command.run(),
         Verb::Explain(command) => command.run(),
         Verb::Tune(command) => command.run(),
+        #[cfg(unix)]
+        Verb::Deploy(command) => command.run(),
         Verb::Experiment(command) => command.run(),
     })
     .unwrap_or_else(|_| Err(Error::Internal("the program stopped at a panic".to_owned())));

@@ -84,7 +84,7 @@ impl Command {
 }
 
 /// The margins where the correction of friction adds its slope to the position loop.
-fn standing(parameters: &Parameters<f64>) -> Margins {
+pub(super) fn standing(parameters: &Parameters<f64>) -> Margins {
     let Compensation { slope, driver, .. } = parameters.compensation;
     let share = match driver {
         bristle_core::control::Driver::Command => slope / parameters.velocity_gain,
@@ -102,7 +102,7 @@ fn standing(parameters: &Parameters<f64>) -> Margins {
 const LEAST_PHASE: f64 = 30.0;
 const LEAST_GAIN: f64 = 2.0;
 
-fn refuse_unstable(following: &Margins, standing: &Margins, wish: &Wish) -> Result<()> {
+pub(super) fn refuse_unstable(following: &Margins, standing: &Margins, wish: &Wish) -> Result<()> {
     let poor = |m: &Margins| m.phase < LEAST_PHASE || m.gain.is_some_and(|gain| gain < LEAST_GAIN);
     if !poor(following) && !poor(standing) {
         return Ok(());

@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 use crate::error::{Error, Result};
+use crate::link::BLOCK;
 
 /// The emulator.
 pub const QEMU: &str = "qemu-system-arm";
@@ -188,9 +189,6 @@ impl Machine {
         None
     }
 }
-
-/// What is read at once.
-pub const BLOCK: usize = 4096;
 
 /// Hands on what comes out of a pipe, until either end is closed.
 fn forward(mut output: ChildStdout) -> Receiver<Vec<u8>> {

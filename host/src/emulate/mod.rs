@@ -7,7 +7,7 @@
 //!
 //! - [`image`](mod@image): the firmware, given or built.
 //! - [`Machine`]: the emulator's process and the line to it.
-//! - [`Board`]: the host's end of the link.
+//! - [`Board`]: the emulated board behind the link.
 //! - [`Sensors`]: from the plant's state to the readings of converters.
 //! - [`parameters`]: from a model file to what a board has to be told.
 //! - [`run`]: the lockstep of all of them.
@@ -19,7 +19,7 @@ mod run;
 mod sensors;
 mod setup;
 
-pub use board::{Board, Telemetry};
+pub use board::Board;
 pub use machine::{Launch, Machine, QEMU, Transport};
 pub use run::{Driver, OnHost, Outcome, Period, Plan, position, run};
 pub use sensors::Sensors;

@@ -68,6 +68,8 @@ pub struct Plan<T> {
     pub set_points: Vec<SetPoint<T>>,
     /// The set points in rad or m, if they are positions.
     pub positions: Vec<f64>,
+    /// A torque or force that acts on the axis from each instant on and that no recording shows; empty for none.
+    pub loads: Vec<f64>,
     /// The converters.
     pub sensors: Sensors,
 }
@@ -101,7 +103,8 @@ pub fn run<T: Number>(
         record.truth.push(truth);
         periods.push(period);
         if k + 1 < plan.t.len() {
-            plant.advance(&plan.t, &record.u, k, 0.0);
+            let load = plan.loads.get(k).copied().unwrap_or(0.0);
+            plant.advance(&plan.t, &record.u, k, load);
         }
     }
     record.t.clone_from(&plan.t);

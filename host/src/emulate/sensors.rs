@@ -22,6 +22,16 @@ pub const CURRENT_ZERO: u16 = 2048;
 const FULL: f64 = 4095.0;
 
 impl Sensors {
+    /// The converters of the emulated board, for an encoder whose count is `count` rad or m.
+    pub const fn emulated(count: f64) -> Self {
+        Self {
+            count,
+            current_per_count: 0.02,
+            bus_per_count: 0.015,
+            bus: 24.0,
+        }
+    }
+
     /// The counts that an encoder has passed at a position.
     pub fn counts(&self, q: f64) -> i64 {
         (q / self.count).floor() as i64

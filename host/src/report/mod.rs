@@ -3,6 +3,8 @@
 //! The page shows what the diagnosis and the identification found; the script only draws. Plots are drawn by uPlot
 //! 1.6.32 (MIT), which is part of the file.
 
+#[cfg(unix)]
+mod cycle;
 mod data;
 mod findings;
 mod friction;
@@ -65,6 +67,12 @@ pub fn study(
 /// The HTML text of an experiment. Fails only on a defect.
 pub fn experiment(campaign: &Campaign, seed: u64) -> Result<String> {
     render(&trials::page(campaign, seed))
+}
+
+/// The HTML text of the whole loop. Fails only on a defect.
+#[cfg(unix)]
+pub fn cycle(laps: &[crate::cycle::Lap], findings: &[String], seed: u64) -> Result<String> {
+    render(&cycle::page(laps, findings, seed))
 }
 
 fn render(page: &Page) -> Result<String> {

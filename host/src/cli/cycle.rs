@@ -1,0 +1,124 @@
+//! `bristle demo --loop`
+
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::bench::csv;
+use super::diagnose::{self, json};
+use super::emulate::chosen_image;
+use super::output::Outputs;
+use super::{DONE, Outcome, terminal};
+use crate::cycle::{self, Knowledge, Lap};
+use crate::emulate::{Board, Launch, Transport};
+use crate::error::{Error, Result};
+use crate::format::significant;
+use crate::identify::{Options, identify};
+use crate::model::Model;
+use crate::recording::Recording;
+use crate::report;
+
+/// What `loop.json` holds.
+#[derive(Serialize)]
+struct Turned<'a> {
+    schema: &'static str,
+    seed: u64,
+    /// Ids of what the diagnosis found, strongest first.
+    findings: &'a [String],
+    laps: &'a [Lap],
+    /// RMS error with the baseline over that with the diagnosis.
+    factor: f64,
+}
+
+/// Records in the emulator, diagnoses, deploys and tracks again; everything goes into a folder that exists.
+pub(super) fn run(folder: &Path, image: Option<&Path>, seed: u64) -> Outcome {
+    let image = chosen_image(image)?;
+    let mut board: Board<f32> = Board::boot(&image, Launch::F405, Transport::Fast)?;
+    let at = |name: &str| folder.join(name);
+    let truth = cycle::truth()?;
+
+    let recorded = cycle::record(&mut board, seed)?;
+    let (recording, baseline) = (at("recording.csv"), at("baseline.toml"));
+    write(&[
+        (&recording, csv(&recorded, &truth)),
+        (&baseline, cycle::BASELINE.to_owned()),
+    ])?;
+    anstream::println!(
+        "Recorded {:.0} s of an axis with concealed physics on the emulated board: {}\nDiagnosing it against a model of Coulomb and viscous friction: {}\n",
+        recorded.t.len() as f64 * 1e-3,
+        recording.display(),
+        baseline.display()
+    );
+    diagnose::Command::demo(recording.clone(), baseline.clone(), folder).run()?;
+    let diagnosed = Model::read(&at("diagnosed.toml"))?;
+    let identified = identified(&recording, &baseline)?;
+    write(&[(&at("identified.toml"), identified.to_toml())])?;
+
+    anstream::println!("\nDeploying, and tracking the same task each time:");
+    let mut laps = Vec::new();
+    for (knowledge, model) in [
+        (Knowledge::Nothing, &identified),
+        (Knowledge::Baseline, &identified),
+        (Knowledge::Diagnosis, &diagnosed),
+    ] {
+        let lap = cycle::track(&mut board, model, knowledge, seed)?;
+        anstream::println!(
+            "  {:<45} RMS error {:>7} mrad, largest {:>7} mrad",
+            knowledge.name(),
+            significant(1e3 * lap.rms, 3),
+            significant(1e3 * lap.peak, 3)
+        );
+        laps.push(lap);
+    }
+    let findings = findings(&at("diagnosis.json"))?;
+    let factor = laps[1].rms / laps[2].rms;
+    let turned = Turned {
+        schema: "bristle.loop/1",
+        seed,
+        findings: &findings,
+        laps: &laps,
+        factor,
+    };
+    let written = write(&[
+        (&at("before.csv"), csv(&laps[1].record, &truth)),
+        (&at("after.csv"), csv(&laps[2].record, &truth)),
+        (&at("loop.json"), json(&turned)?),
+        (&at("loop.html"), report::cycle(&laps, &findings, seed)?),
+    ])?;
+    anstream::println!(
+        "What was found makes the error {} times smaller than Coulomb and viscous friction alone.",
+        significant(factor, 2)
+    );
+    terminal::written(&written);
+    anstream::println!("\nOpen {} in a browser.", at("loop.html").display());
+    Ok(DONE)
+}
+
+fn write(files: &[(&PathBuf, String)]) -> Result<Vec<PathBuf>> {
+    let mut outputs = Outputs::default();
+    for (path, text) in files {
+        outputs.add(Some(path), || Ok(text.clone()))?;
+    }
+    outputs.write()
+}
+
+/// The baseline with the values that the recording gives it.
+fn identified(recording: &Path, baseline: &Path) -> Result<Model> {
+    let model = Model::read_to_fit(baseline)?;
+    let recording = Recording::read(recording, &model.columns, model.motion)?;
+    let (_, identified) = identify(&[recording], &model, Options::default())?;
+    Ok(identified.model)
+}
+
+/// The ids in a diagnosis.
+fn findings(path: &Path) -> Result<Vec<String>> {
+    let text = std::fs::read_to_string(path).map_err(|reason| Error::Unreadable {
+        path: path.to_owned(),
+        reason,
+    })?;
+    let diagnosis: serde_json::Value = serde_json::from_str(&text)
+        .map_err(|e| Error::Internal(format!("{}: {e}", path.display())))?;
+    let all = diagnosis["findings"].as_array();
+    let ids = all.into_iter().flatten().filter_map(|f| f["id"].as_str());
+    Ok(ids.map(str::to_owned).collect())
+}

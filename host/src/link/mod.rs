@@ -1,0 +1,27 @@
+//! The host's end of the link to a board, whatever carries its bytes.
+//!
+//! - [`Wire`]: what carries bytes: a [`SerialLine`] to a board, or the emulator's pipes.
+//! - [`Peer`]: the board at the other end: commands, answers, telemetry, recordings.
+
+mod peer;
+mod serial;
+
+pub use peer::{Peer, Telemetry};
+pub use serial::{BAUD, SerialLine};
+
+use crate::error::Result;
+
+/// What is read at once.
+pub const BLOCK: usize = 4096;
+
+/// What carries bytes to a board and back.
+pub trait Wire {
+    /// Whether bytes may be lost or changed under way; where they cannot, a damaged frame is a defect.
+    const NOISY: bool;
+    /// Sends bytes.
+    fn write(&mut self, bytes: &[u8]) -> Result<()>;
+    /// Waits for bytes; how many came, and none if its patience has ended. Fails if the other end is gone.
+    fn read(&mut self, buffer: &mut [u8; BLOCK]) -> Result<usize>;
+    /// What a person calls it.
+    fn name(&self) -> &str;
+}
