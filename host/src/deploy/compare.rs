@@ -21,7 +21,16 @@ pub struct Difference {
 
 impl fmt::Display for Difference {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {} and not {}", self.field, self.found, self.sent)
+        let (found, sent) = (single(&self.found), single(&self.sent));
+        write!(f, "{}: {found} and not {sent}", self.field)
+    }
+}
+
+/// A number as short as single precision allows; JSON has widened it.
+fn single(value: &Value) -> String {
+    match value.as_f64() {
+        Some(x) if value.is_f64() => (x as f32).to_string(),
+        _ => value.to_string(),
     }
 }
 
@@ -90,6 +99,18 @@ mod tests {
                 "limits.jump"
             ]
         );
+        assert_eq!(
+            all[0].to_string(),
+            "control.effects.waves.3.sine: 0.5 and not 0"
+        );
         assert_eq!(all[2].to_string(), "limits.jump: 1001 and not 1000");
+        // 0.1 in single precision is a longer number in double.
+        found.limits.bus_max = 0.1;
+        assert!(
+            differences(&sent, &found)
+                .unwrap()
+                .iter()
+                .any(|d| d.to_string() == "limits.bus_max: 0.1 and not 1")
+        );
     }
 }

@@ -31,7 +31,9 @@ pub(super) fn page(laps: &[Lap], findings: &[String], seed: u64) -> Page {
         sections: vec![
             Section {
                 title: "The same task with more knowledge".to_owned(),
-                items: vec![Item::Table(table(laps)), plots(laps)],
+                items: std::iter::once(Item::Table(table(laps)))
+                    .chain(plots(laps))
+                    .collect(),
             },
             Section {
                 title: "Method".to_owned(),
@@ -69,9 +71,11 @@ fn figures(before: Option<&Lap>, after: Option<&Lap>) -> Vec<Figure> {
 }
 
 fn table(laps: &[Lap]) -> Table {
-    let in_unit = |x: f64, si: &str| {
-        let (factor, name) = scaled_unit(x, si);
-        format!("{} {}", significant(factor * x, 3), unit(&name))
+    // One unit for a column, that of its largest value.
+    let in_unit = |value: &dyn Fn(&Lap) -> f64, lap: &Lap, si: &str| {
+        let largest = laps.iter().map(value).fold(0.0, f64::max);
+        let (factor, name) = scaled_unit(largest, si);
+        format!("{} {}", significant(factor * value(lap), 3), unit(&name))
     };
     Table {
         columns: [
@@ -87,16 +91,16 @@ fn table(laps: &[Lap]) -> Table {
             .map(|lap| {
                 vec![
                     lap.knowledge.name().to_owned(),
-                    in_unit(lap.rms, "rad"),
-                    in_unit(lap.peak, "rad"),
-                    in_unit(lap.effort, "N*m"),
+                    in_unit(&|l| l.rms, lap, "rad"),
+                    in_unit(&|l| l.peak, lap, "rad"),
+                    in_unit(&|l| l.effort, lap, "N*m"),
                 ]
             })
             .collect(),
     }
 }
 
-fn plots(laps: &[Lap]) -> Item {
+fn plots(laps: &[Lap]) -> Vec<Item> {
     let role = |knowledge| match knowledge {
         Knowledge::Nothing => Role::Measured,
         Knowledge::Baseline => Role::Before,
@@ -124,13 +128,13 @@ fn plots(laps: &[Lap]) -> Item {
             ),
         ]
     });
-    Item::Plots {
-        plots: vec![
-            over_time("tracking error", "rad", t, all(&error)),
-            over_time("position", "rad", t, position),
-            over_time("torque", "N*m", t, all(&|l| l.record.u.clone())),
-        ],
-    }
+    let plots = [
+        over_time("tracking error", "rad", t, all(&error)),
+        over_time("position", "rad", t, position),
+        over_time("torque", "N*m", t, all(&|l| l.record.u.clone())),
+    ];
+    let wide = |plot| Item::Plots { plots: vec![plot] };
+    plots.into_iter().map(wide).collect()
 }
 
 fn over_time(title: &str, si: &str, t: &[f64], series: Vec<(&str, Role, Vec<f64>)>) -> Plot {

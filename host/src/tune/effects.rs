@@ -93,7 +93,8 @@ fn friction_wave(term: &Term, count: f64) -> Harmonic<f64> {
     harmonic(1.0 / wavelength, count, named("amplitude"), named("phase"))
 }
 
-/// Effects of a model that a controller does not compensate, by their ids.
+/// Effects of a model that a controller does not compensate, by their ids. A Stribeck curve and bristles are part of the
+/// friction that it knows, whether they come with the model's law or as effects of their own.
 pub fn left_alone(model: &Model) -> Vec<&'static str> {
     const ANSWERED: [&str; 8] = [
         "direction-asymmetry",
@@ -106,7 +107,10 @@ pub fn left_alone(model: &Model) -> Vec<&'static str> {
         // The inertia that takes the given one's place is the one that is used.
         "inertia-mismatch",
     ];
-    let own = model.terms.iter().filter(|term| !term.in_law);
+    let own = model
+        .terms
+        .iter()
+        .filter(|term| !term.in_law && !term.is_of_contact());
     let ids = own.map(|term| term.effect.id());
     ids.filter(|id| !ANSWERED.contains(id)).collect()
 }

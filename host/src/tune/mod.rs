@@ -275,6 +275,21 @@ mod tests {
     }
 
     #[test]
+    fn what_a_diagnosis_adds_to_friction_reaches_the_controller() {
+        let plain = "[plant]\nmotion = \"rotary\"\ninertia = 0.002\n[friction]\ncoulomb = 0.1\nviscous = 0.015\n";
+        let stribeck =
+            "[effects.stribeck]\nstatic = 0.14\nstribeck_velocity = 0.2\nexponent = 2.0\n";
+        let drag = "[effects.quadratic-drag]\ncoefficient = 0.01\n";
+        let found = Model::parse(&format!("{plain}{stribeck}{drag}")).unwrap();
+        let friction = parameters(&found, &WISH).unwrap().friction;
+        assert_eq!(
+            (friction.static_level, friction.stribeck_velocity),
+            (0.14, 0.2)
+        );
+        assert_eq!(super::left_alone(&found), ["quadratic-drag"]);
+    }
+
+    #[test]
     fn the_manual_gives_the_drive_of_the_srv02() {
         let text = include_str!("../../examples/srv02.toml");
         let drive = Drive::of(&Model::parse(text).unwrap()).unwrap();

@@ -1,0 +1,240 @@
+//! From a model onto a board, over a serial port and in the emulator, and the whole loop.
+//!
+//! Needs `qemu-system-arm` and the target `thumbv7em-none-eabihf`. Without them the tests that run a board say so and pass,
+//! unless `BRISTLE_REQUIRE_QEMU=1` is set.
+#![cfg(unix)]
+
+mod cli;
+#[allow(
+    dead_code,
+    unused_imports,
+    reason = "the tests of the firmware use all of it"
+)]
+mod emulator;
+
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+
+use bristle::emulate::QEMU;
+use bristle::link::{Peer, SerialLine};
+use bristle_core::link::Command as Request;
+use cli::Folder;
+use emulator::runnable_images;
+
+const AXIS: &str = "[plant]\nmotion = \"rotary\"\ninput = \"torque\"\ngain = 1.0\ninertia = 0.012\n\
+    [friction]\ncoulomb = 0.18\nviscous = 0.02\n[effects.gravity]\namplitude = 0.1\nphase = 0.3\n";
+
+/// An emulated board whose link is a serial port of this machine, a pseudo-terminal.
+struct OnPort {
+    emulator: Child,
+    port: String,
+}
+
+impl OnPort {
+    fn start(image: &Path) -> Self {
+        let mut emulator = Command::new(QEMU)
+            .args(["-M", "netduinoplus2", "-nographic", "-monitor", "none"])
+            .args(["-semihosting-config", "enable=on,target=native"])
+            .args(["-serial", "null", "-serial", "null", "-serial", "null"])
+            .args(["-serial", "chardev:link", "-chardev", "pty,id=link"])
+            .arg("-kernel")
+            .arg(image)
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .spawn()
+            .expect("the emulator starts");
+        let said = emulator.stdout.take().expect("a pipe");
+        // It says `char device redirected to /dev/pts/3 (label link)`.
+        let mut lines = BufReader::new(said).lines().map_while(Result::ok);
+        let port = lines.find_map(|line| {
+            let mut words = line.split_whitespace();
+            words.find(|w| w.starts_with("/dev/")).map(str::to_owned)
+        });
+        let port = port.expect("the emulator names its port");
+        Self { emulator, port }
+    }
+
+    fn tell(&self, request: Request<f32>) {
+        let line = SerialLine::open(&self.port).expect("it opens");
+        let mut board = Peer::<f32, _>::called(line).expect("the board answers");
+        board.tell(request).expect("it does as told");
+    }
+}
+
+impl Drop for OnPort {
+    fn drop(&mut self) {
+        let _ = self.emulator.kill();
+        let _ = self.emulator.wait();
+    }
+}
+
+#[test]
+fn a_board_on_a_serial_port_takes_stores_and_holds_a_model() {
+    let Some(images) = runnable_images() else {
+        return;
+    };
+    let board = OnPort::start(&images.firmware);
+    let folder = Folder::new();
+    folder.write("axis.toml", AXIS);
+    let line = |more: &str| {
+        let port = &board.port;
+        format!("deploy axis.toml --port {port} --bandwidth 6 --limit 1.5 {more}")
+    };
+    let fresh = folder.run(&line("--check"));
+    assert_eq!(fresh.status, 3, "{fresh:?}");
+    assert!(fresh.stdout.contains("control.inertia"), "{fresh:?}");
+    let said = folder.done(&line("--json out.json"));
+    assert!(said.contains(&board.port), "{said}");
+    let written = folder.json("out.json");
+    assert_eq!(written["schema"], "bristle.deployment/1");
+    assert_eq!(
+        (&written["written"], &written["restarted"]),
+        (&true.into(), &false.into())
+    );
+    let inertia = written["parameters"]["control"]["inertia"].as_f64();
+    assert_eq!(inertia, Some(f64::from(0.012_f32)));
+    folder.done(&line("--check"));
+
+    folder.write(
+        "other.toml",
+        AXIS.replace("coulomb = 0.18", "coulomb = 0.19"),
+    );
+    let other = line("--check").replace("axis.toml", "other.toml");
+    let other = folder.run(&other);
+    assert_eq!(other.status, 3, "{other:?}");
+    for field in ["friction.coulomb", "friction.static_level"] {
+        assert!(other.stdout.contains(field), "{other:?}");
+    }
+    assert!(!other.stdout.contains("inertia"), "{other:?}");
+
+    board.tell(Request::Enable);
+    let running = folder.run(&line(""));
+    assert_eq!(running.status, 2, "{running:?}");
+    assert!(running.stderr.contains("running"), "{running:?}");
+    board.tell(Request::Disable);
+    folder.done(&line(""));
+}
+
+#[test]
+fn an_emulated_board_holds_a_model_after_a_restart() {
+    let Some(images) = runnable_images() else {
+        return;
+    };
+    let folder = Folder::new();
+    folder.write("axis.toml", AXIS);
+    let image = images.firmware.display();
+    let line = format!(
+        "deploy axis.toml --emulated --image {image} --bandwidth 6 --limit 1.5 --json out.json"
+    );
+    assert!(folder.done(&line).contains("after a restart"));
+    let written = folder.json("out.json");
+    assert_eq!(written["restarted"], true);
+    let wave = &written["parameters"]["control"]["effects"]["waves"][0];
+    let (sine, cosine) = (wave["sine"].as_f64(), wave["cosine"].as_f64());
+    let size = sine.unwrap_or_default().hypot(cosine.unwrap_or_default());
+    // An unbalance of 0.1 N·m, rounded to single precision.
+    assert!((size - 0.1).abs() < 1e-8, "{wave}");
+}
+
+#[test]
+fn what_cannot_be_deployed_is_refused_before_any_board_is_asked() {
+    let folder = Folder::new();
+    folder.write("axis.toml", AXIS);
+    folder.write(
+        "unknown.toml",
+        AXIS.replace("inertia = 0.012", "inertia = \"?\""),
+    );
+    let good = "--bandwidth 6 --limit 1.5";
+    for (line, part) in [
+        (format!("axis.toml {good}"), "--port"),
+        (format!("axis.toml --port no/port {good}"), "no/port"),
+        (format!("axis.toml --port axis.toml {good}"), "axis.toml"),
+        (format!("unknown.toml --emulated {good}"), "inertia"),
+        (format!("none.toml --emulated {good}"), "none.toml"),
+        (
+            format!("axis.toml --emulated --image none.elf {good}"),
+            "none.elf",
+        ),
+        (
+            "axis.toml --emulated --bandwidth 90 --limit 1.5".to_owned(),
+            "--bandwidth",
+        ),
+        (
+            "axis.toml --emulated --bandwidth 6 --limit 0".to_owned(),
+            "--limit",
+        ),
+        (format!("axis.toml --emulated --bus -3 {good}"), "--bus"),
+    ] {
+        let ran = folder.run(&format!("deploy {line} --json out.json"));
+        assert!(
+            ran.status == 2 && ran.stderr.contains(part),
+            "{line}: {ran:?}"
+        );
+        assert!(!folder.path("out.json").exists(), "{line}");
+    }
+}
+
+/// RMS of `q_ref − q` in a recording.
+fn tracking(recording: &str) -> f64 {
+    let mut lines = recording.lines();
+    let header = lines.next().expect("a header");
+    let at = |name: &str| {
+        let found = header
+            .split(',')
+            .position(|c| c.split('[').next() == Some(name));
+        found.unwrap_or_else(|| panic!("no {name} in {header}"))
+    };
+    let (q, q_ref) = (at("q"), at("q_ref"));
+    let errors: Vec<f64> = lines
+        .map(|line| {
+            let cells: Vec<f64> = line
+                .split(',')
+                .map(|c| c.parse().expect("a number"))
+                .collect();
+            cells[q_ref] - cells[q]
+        })
+        .collect();
+    (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt()
+}
+
+#[test]
+fn the_loop_finds_what_is_concealed_and_halves_the_error_and_more() {
+    let Some(images) = runnable_images() else {
+        return;
+    };
+    let (folder, again) = (Folder::new(), Folder::new());
+    let line = format!(
+        "demo --loop --out out --image {}",
+        images.firmware.display()
+    );
+    let said = folder.done(&line);
+    assert!(said.contains("out/loop.html"), "{said}");
+    assert_eq!(said, again.done(&line));
+    let contents = |folder: &Folder| -> Vec<Vec<u8>> {
+        folder.files().into_iter().map(|(_, bytes)| bytes).collect()
+    };
+    assert!(contents(&folder) == contents(&again), "not the same bytes");
+
+    let turned = folder.json("out/loop.json");
+    let mut found: Vec<&str> = turned["findings"]
+        .as_array()
+        .expect("a list")
+        .iter()
+        .filter_map(|id| id.as_str())
+        .collect();
+    found.sort_unstable();
+    assert_eq!(found, ["gravity", "stribeck"]);
+    let lap = |k: usize, figure: &str| turned["laps"][k][figure].as_f64().expect("a number");
+    for figure in ["rms", "peak"] {
+        let [alone, before, after] = [0, 1, 2].map(|k| lap(k, figure));
+        assert!(2.0 * after < before && before < alone, "{turned}");
+    }
+    // The files tell the same by the encoder, whose counts lie up to one below the truth.
+    let count = std::f64::consts::TAU / 16384.0;
+    for (k, name) in [(1, "out/before.csv"), (2, "out/after.csv")] {
+        let measured = tracking(&folder.read(name));
+        assert!((measured - lap(k, "rms")).abs() <= count, "{measured}");
+    }
+    assert!(folder.read("out/loop.html").contains("as diagnosed"));
+}
