@@ -722,7 +722,10 @@ fn help_names_every_option() {
         ),
         ("explain", vec!["ID"]),
         ("demo", vec!["--out", "--loop"]),
-        ("deploy", vec!["--port", "--emulated", "--check", "--bandwidth"]),
+        (
+            "deploy",
+            vec!["--port", "--emulated", "--check", "--bandwidth"],
+        ),
     ] {
         assert!(folder.done("--help").contains(verb), "{verb}");
         let help = folder.done(&format!("{verb} --help"));

@@ -30,6 +30,14 @@ pub(super) struct Command {
     /// What plants and disturbances are drawn from
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Run the first plant once more on the firmware in QEMU, and compare every command
+    #[cfg(unix)]
+    #[arg(long)]
+    qemu: bool,
+    /// Image of the firmware for --qemu [default: built from the sources by cargo]
+    #[cfg(unix)]
+    #[arg(long, value_name = "ELF", requires = "qemu")]
+    image: Option<PathBuf>,
     /// Where to write the report
     #[arg(long, value_name = "OUT.html")]
     report: Option<PathBuf>,
@@ -47,6 +55,9 @@ struct Experimented<'a> {
     claims: Vec<Claim>,
     summaries: Vec<Summary>,
     plants: &'a [Trial],
+    /// What the firmware made of the first plant, with `--qemu`.
+    #[cfg(unix)]
+    on_board: Option<Vec<trials::Replayed>>,
 }
 
 impl Command {
@@ -60,6 +71,8 @@ impl Command {
         let progress = Meter::new();
         progress.say("running plants");
         let campaign = trials::run(self.experiment, self.plants, self.seed)?;
+        #[cfg(unix)]
+        let on_board = self.on_board(&campaign, &progress)?;
         progress.finish();
         let experimented = Experimented {
             schema: "bristle.experiment/1",
@@ -68,6 +81,8 @@ impl Command {
             claims: campaign.claims(),
             summaries: summaries(&campaign),
             plants: &campaign.trials,
+            #[cfg(unix)]
+            on_board,
         };
         let mut outputs = Outputs::default();
         outputs.add(self.json.as_ref(), || json(&experimented))?;
@@ -78,6 +93,23 @@ impl Command {
         print(&experimented);
         terminal::written(&written);
         Ok(DONE)
+    }
+
+    /// The runs of the first plant on the firmware, if asked for.
+    #[cfg(unix)]
+    fn on_board(
+        &self,
+        campaign: &Campaign,
+        progress: &Meter,
+    ) -> crate::error::Result<Option<Vec<trials::Replayed>>> {
+        use crate::emulate::{Board, Launch, Transport};
+        if !self.qemu {
+            return Ok(None);
+        }
+        progress.say("running the firmware");
+        let image = super::emulate::chosen_image(self.image.as_deref())?;
+        let mut board = Board::boot(&image, Launch::F405, Transport::Fast)?;
+        trials::replay(campaign, &mut board).map(Some)
     }
 }
 
@@ -132,6 +164,15 @@ fn print(e: &Experimented) {
             claim.way.name(),
             claim.claim,
             claim.found
+        );
+    }
+    #[cfg(unix)]
+    for run in e.on_board.iter().flatten() {
+        anstream::println!(
+            "firmware in QEMU, first plant, {}: {} of {} commands are the host's, bit for bit",
+            run.way.name(),
+            run.equal,
+            run.periods
         );
     }
 }

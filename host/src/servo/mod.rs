@@ -55,6 +55,7 @@ pub struct Servo {
     plant: Box<dyn Plant>,
     controller: Controller<f32>,
     parameters: Parameters<f64>,
+    changed: bool,
     t: Vec<f64>,
     u: Vec<f64>,
     samples: Vec<Sample>,
@@ -69,7 +70,8 @@ const SI: Units = Units {
     velocity: 1.0,
 };
 
-fn single(parameters: &Parameters<f64>) -> Result<Parameters<f32>> {
+/// Parameters in the board's precision.
+pub fn single(parameters: &Parameters<f64>) -> Result<Parameters<f32>> {
     parameters
         .scaled(&SI)
         .map_err(|e| Error::Usage(format!("the controller cannot hold its parameters: {e}")))
@@ -90,6 +92,7 @@ impl Servo {
             plant: plant::new(model)?,
             controller,
             parameters: *parameters,
+            changed: false,
             t: vec![0.0],
             u: Vec::new(),
             samples: Vec::new(),
@@ -111,6 +114,7 @@ impl Servo {
 
     /// Other parameters for the controller from the next sample on.
     pub fn change_parameters(&mut self, parameters: &Parameters<f64>) -> Result<()> {
+        self.changed |= self.parameters != *parameters;
         self.parameters = *parameters;
         self.controller
             .set_parameters(single(parameters)?)
@@ -141,6 +145,11 @@ impl Servo {
         self.plant.advance(&self.t, &self.u, k, load);
     }
 
+    /// The controller's parameters, if they have been the same throughout.
+    pub fn parameters(&self) -> Option<&Parameters<f64>> {
+        (!self.changed).then_some(&self.parameters)
+    }
+
     /// Everything so far.
     pub fn samples(&self) -> &[Sample] {
         &self.samples
@@ -163,7 +172,7 @@ impl Servo {
 }
 
 /// A set point in the units of the board. The encoder rounds down, and zero is the middle of its count zero.
-fn set_point(aim: Aim, count: f64) -> SetPoint<f32> {
+pub fn set_point(aim: Aim, count: f64) -> SetPoint<f32> {
     match aim {
         Aim::Position { q, v, a } => SetPoint::Position {
             position: Position::from_f64(q / count),

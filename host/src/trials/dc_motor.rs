@@ -157,10 +157,7 @@ pub(super) fn play(number: u64, mut rng: ChaCha8Rng) -> Result<Played> {
         }
         run(&mut servo, &drawn, END);
         merits.push(tracked(way, servo.samples(), &layout, END));
-        shown.push(Shown {
-            way,
-            samples: servo.samples().to_vec(),
-        });
+        shown.push(Shown::of(way, &servo));
     }
     let samples = (END / PERIOD).round() as usize;
     let level = |k: usize| drawn.levels[usize::from(k as f64 * PERIOD >= STRETCH - 1e-9)];

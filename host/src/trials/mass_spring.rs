@@ -187,10 +187,7 @@ pub(super) fn play(number: u64, mut rng: ChaCha8Rng) -> Result<Played> {
         };
         finish.run(&mut servo)?;
         merits.push(judge(way, &servo));
-        shown.push(Shown {
-            way,
-            samples: servo.samples().to_vec(),
-        });
+        shown.push(Shown::of(way, &servo));
     }
     let samples = (END / PERIOD).round() as usize;
     let level = |k: usize| drawn.levels[usize::from(k as f64 * PERIOD >= CHANGE - 1e-9)];

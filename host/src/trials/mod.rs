@@ -7,9 +7,13 @@ mod commission;
 mod dc_motor;
 mod finish;
 mod mass_spring;
+#[cfg(unix)]
+mod on_board;
 mod srv02;
 mod summary;
 
+#[cfg(unix)]
+pub use on_board::{Replayed, replay};
 pub use summary::{Claim, Spread, Summary, Verdict};
 
 use bristle_core::control::Parameters;
@@ -23,7 +27,7 @@ use crate::error::Result;
 use crate::identify::{Options, identify};
 use crate::model::{Model, Parameter, Status};
 use crate::recording::Recording;
-use crate::servo::{Sample, Step};
+use crate::servo::{Sample, Servo, Step};
 
 /// Which experiment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
@@ -112,8 +116,20 @@ pub struct Trial {
 pub struct Shown {
     /// Which way.
     pub way: Way,
+    /// The controller's parameters, if they were the same throughout.
+    pub parameters: Option<Parameters<f64>>,
     /// Its samples.
     pub samples: Vec<Sample>,
+}
+
+impl Shown {
+    fn of(way: Way, servo: &Servo) -> Self {
+        Self {
+            way,
+            parameters: servo.parameters().copied(),
+            samples: servo.samples().to_vec(),
+        }
+    }
 }
 
 /// All plants of an experiment.

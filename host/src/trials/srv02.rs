@@ -197,10 +197,7 @@ pub(super) fn play(number: u64, mut rng: ChaCha8Rng) -> Result<Played> {
     for (way, parameters) in ways {
         let servo = drive(&drawn, &parameters, seed)?;
         merits.push(judge(way, &servo, &truth));
-        shown.push(Shown {
-            way,
-            samples: servo.samples().to_vec(),
-        });
+        shown.push(Shown::of(way, &servo));
     }
     Ok(Played {
         trial: Trial {
