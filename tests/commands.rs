@@ -786,3 +786,20 @@ fn a_motor_under_voltage_is_fitted_with_its_armature() {
         )],
     );
 }
+
+/// A model that gives every number is judged like any other: right as it is, and with what it leaves out named.
+#[test]
+fn a_model_without_unknowns_is_diagnosed() {
+    for (truth, verdict) in [(PLAIN, "adequate"), (UNBALANCED, "explained")] {
+        let folder = Folder::with(truth, 24.0);
+        folder.write("axis.toml", PLAIN);
+        folder.done("diagnose run.csv --model axis.toml --json out.json --model-out out.toml");
+        let json = folder.json("out.json");
+        assert_eq!(json["verdict"], verdict, "{}", json["text"]);
+        folder.done("identify run.csv --model axis.toml --json fit.json");
+        if verdict == "explained" {
+            assert_eq!(json["findings"][0]["id"], "gravity");
+            folder.done("simulate --model out.toml --input run.csv --out predicted.csv --horizon 1");
+        }
+    }
+}

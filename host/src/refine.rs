@@ -185,7 +185,7 @@ fn jacobian(
         .map(|&k| derivative(model, k, evaluate))
         .collect();
     if columns.is_empty() {
-        DMatrix::zeros(0, 0)
+        DMatrix::zeros(evaluate(model).len(), 0)
     } else {
         DMatrix::from_columns(&columns)
     }

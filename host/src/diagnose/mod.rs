@@ -37,6 +37,10 @@ const SHARE_OF_GENERIC: f64 = 0.6;
 /// training part did not show.
 const DEPARTS: f64 = 2.0;
 
+/// How much less a name is worth while something unexplained remains, which it may stand in for: of the findings beside an
+/// `unknown` verdict about this share is right, as the `validate` example shows for physics outside the catalogue.
+const BESIDE_UNKNOWN: f64 = 0.3;
+
 /// Diagnoses a baseline that has been fitted on a workbench. `progress` is told what is being done.
 pub fn diagnose(
     bench: &Workbench,
@@ -82,7 +86,10 @@ pub fn diagnose(
     } else {
         Verdict::Explained
     };
-    let (findings, after_fit) = findings(bench, baseline, &selected, &after, recordings)?;
+    let (mut findings, after_fit) = findings(bench, baseline, &selected, &after, recordings)?;
+    if verdict == Verdict::Unknown {
+        findings.iter_mut().for_each(|f| f.confidence *= BESIDE_UNKNOWN);
+    }
     let z_before = whitened(bench, before);
     let z_after = if selected.is_empty() {
         vec![1.0; z_before.len()]
