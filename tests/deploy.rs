@@ -93,7 +93,7 @@ fn a_board_on_a_serial_port_takes_stores_and_holds_a_model() {
         (&true.into(), &false.into())
     );
     let inertia = written["parameters"]["control"]["inertia"].as_f64();
-    assert_eq!(inertia, Some(f64::from(0.012_f32)));
+    assert_eq!(inertia, Some(0.012));
     folder.done(&line("--check"));
 
     folder.write(
@@ -164,7 +164,7 @@ fn what_cannot_be_deployed_is_refused_before_any_board_is_asked() {
             "axis.toml --emulated --bandwidth 6 --limit 0".to_owned(),
             "--limit",
         ),
-        (format!("axis.toml --emulated --bus -3 {good}"), "--bus"),
+        (format!("axis.toml --emulated --bus 0 {good}"), "--bus"),
     ] {
         let ran = folder.run(&format!("deploy {line} --json out.json"));
         assert!(
