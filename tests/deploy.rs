@@ -238,3 +238,22 @@ fn the_loop_finds_what_is_concealed_and_halves_the_error_and_more() {
     }
     assert!(folder.read("out/loop.html").contains("as diagnosed"));
 }
+
+#[test]
+fn the_firmware_makes_of_an_experiment_what_the_host_does() {
+    let Some(images) = runnable_images() else {
+        return;
+    };
+    let folder = Folder::new();
+    let image = images.firmware.display();
+    folder.done(&format!(
+        "experiment srv02 --plants 1 --seed 5 --json out.json --qemu --image {image}"
+    ));
+    let json = folder.json("out.json");
+    let runs = json["on_board"].as_array().expect("a list");
+    assert_eq!(runs.len(), 4);
+    for run in runs {
+        assert_eq!(run["periods"], 26_000);
+        assert_eq!(run["equal"], run["periods"], "{run}");
+    }
+}

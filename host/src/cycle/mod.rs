@@ -1,7 +1,7 @@
 //! The whole loop on a built-in axis: record → diagnose → model → deploy → verify, with the board in the emulator.
 //!
 //! The axis conceals a Stribeck curve and an unbalance. What its owner believes is Coulomb and viscous friction. The same
-//! task is tracked three times, each time after the board was set up anew through [`deploy`](crate::deploy):
+//! task is tracked three times, each time after the board was set up anew through [`deploy`]:
 //! with nothing compensated, with what the owner believes, fitted to the recording, and with what the diagnosis found.
 
 use std::f64::consts::TAU;
