@@ -795,7 +795,8 @@ fn a_model_without_unknowns_is_diagnosed() {
         folder.done("identify run.csv --model axis.toml --json fit.json");
         if verdict == "explained" {
             assert_eq!(json["findings"][0]["id"], "gravity");
-            folder.done("simulate --model out.toml --input run.csv --out predicted.csv --horizon 1");
+            folder
+                .done("simulate --model out.toml --input run.csv --out predicted.csv --horizon 1");
         }
     }
 }
