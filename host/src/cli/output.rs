@@ -128,17 +128,17 @@ pub(super) fn check(inputs: &[&Path], outputs: &[Option<&PathBuf>]) -> Result<()
                 output.display()
             )));
         }
-        let refuse = |kind: io::ErrorKind| {
+        let refuse = |reason: String| {
             Err(Error::Unwritable {
                 path: PathBuf::clone(output),
-                reason: kind.into(),
+                reason: io::Error::other(reason),
             })
         };
         if output.is_dir() {
-            return refuse(io::ErrorKind::IsADirectory);
+            return refuse("it is a folder".to_owned());
         }
         if !folder(output).is_dir() {
-            return refuse(io::ErrorKind::NotFound);
+            return refuse(format!("there is no folder {}", folder(output).display()));
         }
     }
     Ok(())
