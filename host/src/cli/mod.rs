@@ -9,6 +9,7 @@ mod diagnose;
 mod emulate;
 mod experiment;
 mod explain;
+mod flash;
 mod identify;
 mod input;
 mod method;
@@ -53,6 +54,7 @@ enum Verb {
     Explain(explain::Command),
     Tune(tune::Command),
     Experiment(experiment::Command),
+    Flash(flash::Command),
 }
 
 /// Runs the command line of this process and returns its exit status.
@@ -72,6 +74,7 @@ pub fn run() -> u8 {
         Verb::Explain(command) => command.run(),
         Verb::Tune(command) => command.run(),
         Verb::Experiment(command) => command.run(),
+        Verb::Flash(command) => command.run(),
     })
     .unwrap_or_else(|_| Err(Error::Internal("the program stopped at a panic".to_owned())));
     outcome.unwrap_or_else(|error| {
