@@ -1,6 +1,7 @@
 //! The command line: one verb, one file.
 
 mod bench;
+mod completions;
 mod curve;
 mod dbi;
 mod demo;
@@ -12,8 +13,10 @@ mod explain;
 mod flash;
 mod identify;
 mod input;
+mod man;
 mod method;
 mod output;
+mod reference;
 mod simulate;
 mod terminal;
 mod tune;
@@ -55,6 +58,8 @@ enum Verb {
     Tune(tune::Command),
     Experiment(experiment::Command),
     Flash(flash::Command),
+    Completions(completions::Command),
+    Man(man::Command),
 }
 
 /// Runs the command line of this process and returns its exit status.
@@ -75,6 +80,8 @@ pub fn run() -> u8 {
         Verb::Tune(command) => command.run(),
         Verb::Experiment(command) => command.run(),
         Verb::Flash(command) => command.run(),
+        Verb::Completions(command) => command.run(),
+        Verb::Man(command) => command.run(),
     })
     .unwrap_or_else(|_| Err(Error::Internal("the program stopped at a panic".to_owned())));
     outcome.unwrap_or_else(|error| {

@@ -143,3 +143,15 @@ pub(super) fn check(inputs: &[&Path], outputs: &[Option<&PathBuf>]) -> Result<()
     }
     Ok(())
 }
+
+/// Prints a result that is not for a person, byte for byte; a reader that has had enough is no failure.
+pub(super) fn print(bytes: &[u8]) -> Result<()> {
+    let mut stdout = io::stdout().lock();
+    match stdout.write_all(bytes).and_then(|()| stdout.flush()) {
+        Err(reason) if reason.kind() != io::ErrorKind::BrokenPipe => Err(Error::Unwritable {
+            path: "standard output".into(),
+            reason,
+        }),
+        _ => Ok(()),
+    }
+}
