@@ -2,7 +2,7 @@
 //!
 //! Data goes one way. A module uses only those before it in this order, which `tests/structure.rs` checks:
 //!
-//! format → motion → error → effects → model → recording → weak → problem → noise → linear → projection → system → scan → normal → uncertainty → refine → dictionary → axis → step → simulate → plant → tune → excite → bench → servo → emulate → fit → identify → stream → pem → curve → check → diagnose → experiment → dbi → trials → report → cli
+//! format → motion → error → image → effects → model → recording → weak → problem → noise → linear → projection → system → scan → normal → uncertainty → refine → dictionary → axis → step → simulate → plant → tune → excite → bench → servo → emulate → fit → identify → stream → pem → curve → check → diagnose → experiment → dbi → trials → report → flash → cli
 
 pub mod axis;
 pub mod bench;
@@ -19,8 +19,10 @@ pub mod error;
 pub mod excite;
 pub mod experiment;
 pub mod fit;
+pub mod flash;
 pub mod format;
 pub mod identify;
+pub mod image;
 pub mod linear;
 pub mod model;
 pub mod motion;
