@@ -163,7 +163,7 @@ fn what_cannot_be_tuned_or_run_is_refused_in_one_line() {
         ),
         (
             "tune unknown.toml --bandwidth 5 --limit 2 --json out.json",
-            "plant.inertia",
+            "unknown.toml: the model has no value for plant.inertia",
         ),
         (
             "tune inverse.toml --bandwidth 5 --limit 2 --json out.json",

@@ -366,6 +366,12 @@ fn models_that_no_recording_can_determine() {
     // `simulate` wants every value.
     let line = "simulate --input run.csv --model axis.toml --out out.csv";
     refused(&folder, line, &["axis.toml", "plant.inertia", "identify"]);
+    // What no fit estimates has to be written.
+    let spring = "[plant]\nmotion = \"linear\"\nkind = \"mass-spring\"\ninertia = 1\n[friction]\ncoulomb = 1\nviscous = 0\n";
+    folder.write("spring.toml", spring);
+    let line = "simulate --excite chirp --amplitude 1 --model spring.toml --out out.csv";
+    let parts = ["spring.toml", "plant.stiffness; write a number"];
+    refused(&folder, line, &parts);
 }
 
 #[test]
@@ -390,6 +396,11 @@ fn outputs_that_cannot_be_written() {
         let line = format!("simulate --input run.csv --model axis.toml --out {bad}");
         refused(&folder, &line, &[bad, "cannot be written"]);
     }
+    refused(
+        &folder,
+        "identify run.csv --model axis.toml --json absent/out",
+        &["there is no folder absent"],
+    );
     refused(
         &folder,
         "identify run.csv --model axis.toml --json run.csv",
@@ -437,7 +448,7 @@ fn arguments() {
         "simulate --model axis.toml --input run.csv",
         "simulate --model axis.toml --input run.csv --out o.csv --horizon soon",
         "simulate --model axis.toml --input run.csv --out o.csv --horizon 0",
-        "simulate --model axis.toml --input run.csv --out o.csv --horizon=-1",
+        "simulate --model axis.toml --input run.csv --out o.csv --horizon -1",
         "simulate --model axis.toml --input run.csv --out o.csv --horizon nan",
         "explain no-such-effect",
         "explain stribeck gravity",

@@ -9,6 +9,7 @@ mod emulator;
 use bristle::emulate::{
     self, Board, Driver, Launch, Machine, OnHost, Outcome, Period, Plan, Sensors, Setup, Transport,
 };
+use bristle::flash;
 use bristle::model::Model;
 use bristle::plant;
 use bristle::tune::Wish;
@@ -19,9 +20,7 @@ use bristle_core::drive::store::checksum;
 use bristle_core::drive::{Fault, Parameters, Refusal, Sample, State};
 use bristle_core::link::{Answer, Command, Counters, Deframer, Injection, Packet, Report, decode};
 use emulator::{Calls, booted, images, runnable_images};
-use object::elf::PT_LOAD;
-use object::read::elf::{ElfFile32, ProgramHeader};
-use object::{Endianness, Object, ObjectSection, ObjectSymbol, SectionFlags, SectionKind, elf};
+use object::{Object, ObjectSection, ObjectSymbol, SectionFlags, SectionKind, elf};
 
 const SENSORS: Sensors = Sensors {
     count: std::f64::consts::TAU / 16384.0,
@@ -443,6 +442,10 @@ fn the_commands_give_the_same_bytes_with_and_without_the_emulator() {
     for (more, part) in [
         (&["--image", "none.elf", "--out", "x.csv"][..], "none.elf"),
         (
+            &["--image", "axis.toml", "--out", "x.csv"],
+            "axis.toml: is no 32-bit ELF file",
+        ),
+        (
             &["--out", "x.csv", "--follow", "position", "--on-host"],
             "--limit",
         ),
@@ -610,20 +613,11 @@ fn the_board_runs_the_image_that_was_built() {
     let Some(board) = booted::<f32>(Transport::Fast) else {
         return;
     };
-    let bytes = std::fs::read(&runnable_images().expect("it runs").firmware).expect("an image");
-    let file = ElfFile32::<Endianness>::parse(&*bytes).expect("an ELF file");
-    let endian = file.endian();
-    let mut flash = Vec::new();
-    for segment in file.elf_program_headers() {
-        let data = segment.data(endian, &*bytes).expect("its bytes");
-        if segment.p_type(endian) == PT_LOAD && !data.is_empty() {
-            let place = segment.p_paddr(endian) - 0x0800_0000;
-            flash.resize(place as usize, 0);
-            flash.extend_from_slice(data);
-        }
-    }
+    // The one that `bristle flash` puts onto a board, as the flash then holds it.
+    let path = &runnable_images().expect("it runs").firmware;
+    let image = flash::Image::read(path, &flash::ALL[0]).expect("an image for the board");
     let hello = board.hello().expect("it has greeted");
-    assert_eq!(hello.build, checksum(&flash));
+    assert_eq!(hello.build, checksum(&image.bytes));
 }
 
 #[test]

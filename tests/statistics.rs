@@ -5,8 +5,9 @@
 mod plants;
 
 use bristle::diagnose::{Outcome, Verdict, diagnose};
+use bristle::effects;
 use bristle::identify::{Options, Workbench, identify};
-use bristle::model::{Model, Parameter};
+use bristle::model::{Model, Parameter, Status};
 use bristle::recording::Recording;
 use bristle::system;
 use bristle::weak::Part;
@@ -14,17 +15,21 @@ use plants::{Case, NAMED, Noise, Recipe, baseline_toml, simulate};
 
 const NOISES: [Noise; 3] = [Noise::Low, Noise::Medium, Noise::High];
 
+fn recording(t: Vec<f64>, u: Vec<f64>, q: Vec<f64>) -> Recording {
+    Recording {
+        path: "plant.csv".into(),
+        t,
+        u,
+        q: Some(q),
+        v: None,
+        input_unit: None,
+    }
+}
+
 /// Simulates a plant and diagnoses it against Coulomb and viscous friction.
 fn examine(recipe: &Recipe) -> (Workbench, Outcome, Case) {
     let made = simulate(recipe).expect("an axis that moves");
-    let recording = [Recording {
-        path: "plant.csv".into(),
-        t: made.t,
-        u: made.u,
-        q: Some(made.q),
-        v: None,
-        input_unit: None,
-    }];
+    let recording = [recording(made.t, made.u, made.q)];
     let model = Model::parse(&baseline_toml(recipe, &made.truth)).expect("a valid baseline");
     let (bench, baseline) = identify(&recording, &model, Options::default()).expect("identifies");
     let outcome = diagnose(&bench, &baseline, &recording, &|_| {}).expect("diagnoses");
@@ -74,6 +79,48 @@ fn rows_have_unit_variance(bench: &Workbench, model: &Model) {
     let train = bench.problem.count(Part::Train);
     let variance = z[..train].iter().map(|z| z * z).sum::<f64>() / train as f64;
     assert!((0.5..2.0).contains(&variance), "variance {variance}");
+}
+
+/// Standard errors hold what the velocity filter does to friction near standstill: never less than the scatter of the
+/// residuals, and where friction bends within the filter's width, more.
+#[test]
+fn errors_allow_for_what_smoothing_does() {
+    let recipe = Recipe {
+        counts: 4096,
+        ..Recipe::random(551, Some("stribeck"), 0.30, Noise::Low)
+    };
+    let made = simulate(&recipe).expect("an axis that moves");
+    let model = Model::parse(&baseline_toml(&recipe, &made.truth)).expect("a valid baseline");
+    let model = model.with_effect(effects::find("stribeck").expect("in the catalogue"));
+    let recording = [recording(made.t, made.u, made.q)];
+    let bench = Workbench::new(&recording, &model, Options::default()).expect("enough motion");
+    let (scattered, _) = bench.estimate(&model).expect("identifies");
+    let mut settled = scattered.clone();
+    bench.settle(&mut settled, &recording);
+    let ratios = scattered.parameters().into_iter().zip(settled.parameters());
+    let ratios: Vec<f64> = ratios.filter_map(|(a, b)| Some(b.se? / a.se?)).collect();
+    assert!(ratios.iter().all(|r| *r >= 1.0), "{ratios:?}");
+    assert!(ratios.iter().any(|r| *r > 1.1), "{ratios:?}");
+}
+
+/// An axis without a Stribeck effect cannot tell the velocity at which it would end.
+#[test]
+fn what_a_recording_does_not_tell_is_said_so() {
+    let recipe = Recipe::random(552, None, 0.0, Noise::Low);
+    let made = simulate(&recipe).expect("an axis that moves");
+    let baseline = baseline_toml(&recipe, &made.truth).replace("coulomb-viscous", "stribeck");
+    let model = Model::parse(&baseline).expect("a valid baseline");
+    let recording = [recording(made.t, made.u, made.q)];
+    let (_, fitted) = identify(&recording, &model, Options::default()).expect("identifies");
+    let labels = fitted.model.labels();
+    let status = |name: &str| {
+        let k = labels.iter().position(|l| l.to_string() == name);
+        fitted.model.parameters()[k.expect("a parameter of the law")]
+            .status
+            .clone()
+    };
+    assert_eq!(status("inertia"), Status::Identified);
+    assert_ne!(status("stribeck_velocity"), Status::Identified);
 }
 
 #[test]

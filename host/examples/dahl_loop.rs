@@ -72,5 +72,5 @@ fn main() -> std::io::Result<()> {
         y: "friction [N]",
         curves,
     };
-    plot::write("host/book/dahl_loop.svg", 1, &[panel])
+    plot::write("host/book/src/dahl_loop.svg", 1, &[panel])
 }

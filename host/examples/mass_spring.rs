@@ -157,7 +157,7 @@ fn main() -> std::io::Result<()> {
         },
     ];
     claims();
-    plot::write("host/book/mass_spring.svg", 2, &panels)
+    plot::write("host/book/src/mass_spring.svg", 2, &panels)
 }
 
 fn steady(law: &dyn Dynamic<f64>) -> Line {

@@ -17,7 +17,7 @@ use bristle::recording::Recording;
 use bristle::system;
 
 const FROM: &str = "bristle-demo";
-const TO: &str = "host/book/residual.svg";
+const TO: &str = "host/book/src/residual.svg";
 
 const WIDTH: f64 = 720.0;
 const HEIGHT: f64 = 320.0;

@@ -24,7 +24,7 @@ fn main() -> std::io::Result<()> {
     let sliding = |v: f64| -LAW.sliding(v);
     let sticking = |a: f64| -LAW.reaction(0.0, a);
     plot::write(
-        "host/book/reaction.svg",
+        "host/book/src/reaction.svg",
         2,
         &[
             Panel {

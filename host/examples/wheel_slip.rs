@@ -105,7 +105,7 @@ fn main() -> std::io::Result<()> {
     };
     let (time, speed) = ("time [s]", "velocity [m/s]");
     plot::write(
-        "host/book/wheel_slip.svg",
+        "host/book/src/wheel_slip.svg",
         2,
         &[
             panel(

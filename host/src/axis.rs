@@ -214,6 +214,9 @@ fn coupling(model: &Model, inertia: f64) -> Result<Option<Coupling>> {
 pub fn complete(model: &Model) -> Result<()> {
     match model.first_unknown() {
         None => Ok(()),
+        Some(missing) if model.constants.iter().any(|c| c.key == missing) => Err(Error::Usage(
+            format!("the model has no value for {missing}; write a number, as it is not estimated"),
+        )),
         Some(missing) => Err(Error::Usage(format!(
             "the model has no value for {missing}; run bristle identify first, or write a number"
         ))),

@@ -2,7 +2,7 @@
 //!
 //! Data goes one way. A module uses only those before it in this order, which `tests/structure.rs` checks:
 //!
-//! format → motion → error → effects → model → recording → weak → problem → noise → linear → projection → system → scan → normal → uncertainty → refine → dictionary → axis → step → simulate → plant → tune → excite → bench → servo → link → emulate → deploy → fit → identify → stream → pem → curve → check → diagnose → experiment → dbi → trials → cycle → report → cli
+//! format → motion → error → image → effects → model → recording → weak → problem → noise → linear → projection → system → scan → normal → uncertainty → refine → dictionary → axis → step → simulate → plant → tune → excite → bench → servo → link → emulate → deploy → fit → identify → stream → pem → curve → check → diagnose → experiment → dbi → trials → cycle → report → flash → cli
 
 pub mod axis;
 pub mod bench;
@@ -23,8 +23,10 @@ pub mod error;
 pub mod excite;
 pub mod experiment;
 pub mod fit;
+pub mod flash;
 pub mod format;
 pub mod identify;
+pub mod image;
 pub mod linear;
 pub mod link;
 pub mod model;

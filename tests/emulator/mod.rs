@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
-use bristle::emulate::image::{self, Target};
 use bristle::emulate::{Board, Launch, QEMU, Transport};
+use bristle::image::{self, Target};
 use bristle_core::drive::Number;
 
 /// The compiled firmware of the STM32F405.

@@ -1,4 +1,4 @@
-"""Fits every recording with every method and writes the table of host/book/peers.md."""
+"""Fits every recording with every method and writes the table of host/book/src/peers.md."""
 
 import dataclasses
 import json

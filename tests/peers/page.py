@@ -7,7 +7,7 @@ import subprocess
 
 from axis import BRISTLE, ROOT
 
-PAGE = ROOT / "host/book/peers.md"
+PAGE = ROOT / "host/book/src/peers.md"
 PACKAGES = ("scipy", "pysindy", "mujoco", "numba", "numpy")
 
 HEAD = """# Bristle and its peers

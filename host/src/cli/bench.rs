@@ -49,10 +49,20 @@ pub(super) struct Bench {
     #[arg(long, value_name = "KIND", conflicts_with = "input")]
     control: Option<Controller>,
     /// Bandwidth of the controller, Hz [default: twice the band's upper edge, at most a thirtieth of the rate]
-    #[arg(long, value_name = "HZ", requires = "control")]
+    #[arg(
+        long,
+        value_name = "HZ",
+        requires = "control",
+        allow_negative_numbers = true
+    )]
     bandwidth: Option<f64>,
     /// Encoder counts per turn or per metre [default: no quantisation]
-    #[arg(long, value_name = "N", conflicts_with = "input")]
+    #[arg(
+        long,
+        value_name = "N",
+        conflicts_with = "input",
+        allow_negative_numbers = true
+    )]
     counts: Option<f64>,
     /// RMS of a torque or force that acts on the plant and is not recorded, N*m or N
     #[arg(

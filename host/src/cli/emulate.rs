@@ -15,10 +15,12 @@ use super::output::{self, Outputs};
 use super::{DONE, Outcome as Status, terminal};
 use crate::bench::Record;
 use crate::emulate::{
-    self, Board, Driver, Launch, OnHost, Outcome, Plan, Sensors, Setup, Transport, image,
+    self, Board, Driver, Launch, OnHost, Outcome, Plan, Sensors, Setup, Transport,
 };
 use crate::error::{Error, Result};
 use crate::excite::{Excitation, Shape};
+use crate::flash::{self, Image};
+use crate::image;
 use crate::model::{Model, Motion};
 use crate::plant;
 use crate::tune::Wish;
@@ -55,22 +57,37 @@ struct Options {
     #[arg(long, value_name = "LOW:HIGH", value_parser = super::bench::band, default_value = "0.1:10")]
     band: (f64, f64),
     /// Length of the run, s
-    #[arg(long, value_name = "SECONDS", default_value_t = 10.0)]
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        default_value_t = 10.0,
+        allow_negative_numbers = true
+    )]
     duration: f64,
     /// Control periods a second
-    #[arg(long, value_name = "HZ", default_value_t = 1000.0)]
+    #[arg(
+        long,
+        value_name = "HZ",
+        default_value_t = 1000.0,
+        allow_negative_numbers = true
+    )]
     rate: f64,
     /// What random phases and levels are drawn from
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Frequency up to which the position follows its set point, Hz [default: a hundredth of the rate]
-    #[arg(long, value_name = "HZ")]
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
     bandwidth: Option<f64>,
     /// Largest input that the board may apply, in the unit of u [default: twice the amplitude under --follow input]
-    #[arg(long, value_name = "U")]
+    #[arg(long, value_name = "U", allow_negative_numbers = true)]
     limit: Option<f64>,
     /// Encoder counts per turn or per metre
-    #[arg(long, value_name = "N", default_value_t = 16384.0)]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 16384.0,
+        allow_negative_numbers = true
+    )]
     counts: f64,
     /// How frames travel to the emulated board and back
     #[arg(long, value_name = "LINE", default_value = "fast")]
@@ -395,11 +412,8 @@ impl Options {
 /// The image that an option names, or one built from the sources.
 pub(super) fn chosen_image(image: Option<&Path>) -> Result<PathBuf> {
     match image {
-        Some(image) if image.is_file() => Ok(image.to_owned()),
-        Some(image) => Err(Error::Usage(format!(
-            "{}: no such image; give an ELF file, or leave --image out to build one",
-            image.display()
-        ))),
+        // The emulator would run anything, and stop at it with words of its own.
+        Some(image) => Ok(Image::read(image, &flash::ALL[0])?.path),
         None => image::build(image::F405, None),
     }
 }

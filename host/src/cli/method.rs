@@ -45,7 +45,7 @@ pub(super) struct MethodArgs {
     start: Start,
     /// Minimise the output error over windows of this length in place of the error of one-step predictions, for
     /// torque that is known without noise
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
     horizon: Option<f64>,
     /// Most iterations of pem, nelder-mead and bfgs
     #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..))]

@@ -1,6 +1,7 @@
 //! The command line: one verb, one file.
 
 mod bench;
+mod completions;
 mod curve;
 #[cfg(unix)]
 mod cycle;
@@ -13,10 +14,13 @@ mod diagnose;
 mod emulate;
 mod experiment;
 mod explain;
+mod flash;
 mod identify;
 mod input;
+mod man;
 mod method;
 mod output;
+mod reference;
 mod simulate;
 mod terminal;
 mod tune;
@@ -59,6 +63,9 @@ enum Verb {
     #[cfg(unix)]
     Deploy(deploy::Command),
     Experiment(experiment::Command),
+    Flash(flash::Command),
+    Completions(completions::Command),
+    Man(man::Command),
 }
 
 /// Runs the command line of this process and returns its exit status.
@@ -80,6 +87,9 @@ pub fn run() -> u8 {
         #[cfg(unix)]
         Verb::Deploy(command) => command.run(),
         Verb::Experiment(command) => command.run(),
+        Verb::Flash(command) => command.run(),
+        Verb::Completions(command) => command.run(),
+        Verb::Man(command) => command.run(),
     })
     .unwrap_or_else(|_| Err(Error::Internal("the program stopped at a panic".to_owned())));
     outcome.unwrap_or_else(|error| {

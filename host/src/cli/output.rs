@@ -128,18 +128,30 @@ pub(super) fn check(inputs: &[&Path], outputs: &[Option<&PathBuf>]) -> Result<()
                 output.display()
             )));
         }
-        let refuse = |kind: io::ErrorKind| {
+        let refuse = |reason: String| {
             Err(Error::Unwritable {
                 path: PathBuf::clone(output),
-                reason: kind.into(),
+                reason: io::Error::other(reason),
             })
         };
         if output.is_dir() {
-            return refuse(io::ErrorKind::IsADirectory);
+            return refuse("it is a folder".to_owned());
         }
         if !folder(output).is_dir() {
-            return refuse(io::ErrorKind::NotFound);
+            return refuse(format!("there is no folder {}", folder(output).display()));
         }
     }
     Ok(())
+}
+
+/// Prints a result that is not for a person, byte for byte; a reader that has had enough is no failure.
+pub(super) fn print(bytes: &[u8]) -> Result<()> {
+    let mut stdout = io::stdout().lock();
+    match stdout.write_all(bytes).and_then(|()| stdout.flush()) {
+        Err(reason) if reason.kind() != io::ErrorKind::BrokenPipe => Err(Error::Unwritable {
+            path: "standard output".into(),
+            reason,
+        }),
+        _ => Ok(()),
+    }
 }

@@ -54,7 +54,12 @@ pub(super) struct Command {
     #[arg(long, value_name = "OUT.csv")]
     out: PathBuf,
     /// With --input: restart from the measured state every so many seconds
-    #[arg(long, value_name = "SECONDS", conflicts_with = "excite")]
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        conflicts_with = "excite",
+        allow_negative_numbers = true
+    )]
     horizon: Option<f64>,
     /// Test signal that drives the model
     #[arg(long, value_name = "SHAPE", group = "drive", requires = "amplitude")]

@@ -1,6 +1,6 @@
 //! `bristle tune`
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use bristle_core::control::{Compensation, Parameters};
 use clap::Args;
@@ -26,16 +26,26 @@ pub(super) struct Command {
     #[arg(value_name = "MODEL.toml")]
     model: PathBuf,
     /// Frequency up to which the position is to follow its set point, Hz
-    #[arg(long, value_name = "HZ")]
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
     bandwidth: f64,
     /// Samples a second
-    #[arg(long, value_name = "HZ", default_value_t = 1000.0)]
+    #[arg(
+        long,
+        value_name = "HZ",
+        default_value_t = 1000.0,
+        allow_negative_numbers = true
+    )]
     rate: f64,
     /// Encoder counts per turn or per metre
-    #[arg(long, value_name = "N", default_value_t = 4096.0)]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 4096.0,
+        allow_negative_numbers = true
+    )]
     counts: f64,
     /// Largest |u|, in the unit of u
-    #[arg(long, value_name = "U")]
+    #[arg(long, value_name = "U", allow_negative_numbers = true)]
     limit: f64,
     /// Where to write the parameters and the margins
     #[arg(long, value_name = "OUT.json")]
@@ -63,7 +73,7 @@ impl Command {
             counts: self.counts,
             limit: self.limit,
         };
-        let parameters = tune::parameters(&model, &wish)?;
+        let parameters = tune::parameters(&model, &wish).map_err(|e| of_model(e, &self.model))?;
         let (following, standing) = (tune::margins(&parameters), standing(&parameters));
         refuse_unstable(&following, &standing, &wish)?;
         let tuned = Tuned {
@@ -80,6 +90,17 @@ impl Command {
         print(&model, &tuned);
         terminal::written(&written);
         Ok(DONE)
+    }
+}
+
+/// Names the model file in what is wrong with a model; what is wrong with an option names the option.
+fn of_model(error: Error, path: &Path) -> Error {
+    match error {
+        Error::Usage(what) if !what.starts_with("--") => Error::Model {
+            path: path.to_owned(),
+            what,
+        },
+        other => other,
     }
 }
 

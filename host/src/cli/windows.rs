@@ -8,7 +8,7 @@ use crate::identify::Options;
 #[derive(Args, Debug, Default)]
 pub(super) struct Windows {
     /// Half-width of the test functions, instead of the one chosen by encoder noise
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
     half_width: Option<f64>,
 }
 

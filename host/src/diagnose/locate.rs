@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use crate::effects::Path;
 use crate::format;
 use crate::identify::Workbench;
 use crate::model::Model;
@@ -17,6 +18,8 @@ pub struct Where {
     pub velocity: [f64; 2],
     /// Position band, rad or m.
     pub position: [f64; 2],
+    /// Band of the input, in its own unit.
+    pub input: [f64; 2],
     /// `both`, `positive` or `negative`.
     pub direction: &'static str,
     /// Whether it lives around reversals.
@@ -26,7 +29,7 @@ pub struct Where {
 }
 
 impl Where {
-    /// The bands of velocity and position are the narrowest that hold this share of the mismatch.
+    /// The bands of velocity, position and input are the narrowest that hold this share of the mismatch.
     pub const SHARE: f64 = 0.8;
 }
 
@@ -38,6 +41,7 @@ struct Place {
     time: f64,
     velocity: f64,
     position: f64,
+    input: f64,
     reversal: bool,
     excess: f64,
 }
@@ -47,6 +51,7 @@ pub(super) fn locate(bench: &Workbench, model: &Model, before: &[f64], after: &[
     let problem = &bench.problem;
     let velocity = problem.velocity();
     let sign = problem.coulomb(&Direction::default());
+    let input = problem.input(&Path::default());
     let places: Vec<Place> = (0..problem.rows.len())
         .map(|k| {
             let row = problem.rows[k];
@@ -54,6 +59,7 @@ pub(super) fn locate(bench: &Workbench, model: &Model, before: &[f64], after: &[
                 time: problem.time(row),
                 velocity: velocity[k],
                 position: problem.tracks[row.track].q[row.centre],
+                input: input[k],
                 reversal: sign[k].abs() < 0.98,
                 excess: before[k] * before[k] - after[k] * after[k],
             }
@@ -78,6 +84,7 @@ pub(super) fn locate(bench: &Workbench, model: &Model, before: &[f64], after: &[
         time: intervals(&places),
         velocity: band(&places, total, |p| p.velocity),
         position: band(&places, total, |p| p.position),
+        input: band(&places, total, |p| p.input),
         direction: if forward > Where::SHARE {
             "positive"
         } else if forward < 1.0 - Where::SHARE {
@@ -89,7 +96,7 @@ pub(super) fn locate(bench: &Workbench, model: &Model, before: &[f64], after: &[
         near_reversal: share(&|p| p.reversal) > Where::SHARE && reversing < 0.75 * Where::SHARE,
         text: String::new(),
     };
-    found.text = sentence(&found, model.motion, &places);
+    found.text = sentence(&found, model, &places);
     found
 }
 
@@ -139,8 +146,8 @@ fn intervals(places: &[Place]) -> Vec<[f64; 2]> {
     found
 }
 
-fn sentence(found: &Where, motion: Motion, places: &[Place]) -> String {
-    let (speed, position) = if motion == Motion::Rotary {
+fn sentence(found: &Where, model: &Model, places: &[Place]) -> String {
+    let (speed, position) = if model.motion == Motion::Rotary {
         ("rad/s", "rad")
     } else {
         ("m/s", "m")
@@ -170,6 +177,12 @@ fn sentence(found: &Where, motion: Motion, places: &[Place]) -> String {
             format::range(found.position, position)
         ));
     }
+    if narrow(found.input, range(&|p| p.input)) {
+        parts.push(format!(
+            "at u from {}",
+            format::range(found.input, model.input_unit())
+        ));
+    }
     if found.direction != "both" {
         parts.push(format!("while moving in the {} direction", found.direction));
     }
@@ -179,7 +192,7 @@ fn sentence(found: &Where, motion: Motion, places: &[Place]) -> String {
         format!(
             "{:.0} % of the mismatch lives {}.",
             100.0 * Where::SHARE,
-            parts.join(", ")
+            parts.join("; as much ")
         )
     }
 }

@@ -88,7 +88,9 @@ pub fn diagnose(
     };
     let (mut findings, after_fit) = findings(bench, baseline, &selected, &after, recordings)?;
     if verdict == Verdict::Unknown {
-        findings.iter_mut().for_each(|f| f.confidence *= BESIDE_UNKNOWN);
+        findings
+            .iter_mut()
+            .for_each(|f| f.confidence *= BESIDE_UNKNOWN);
     }
     let z_before = whitened(bench, before);
     let z_after = if selected.is_empty() {

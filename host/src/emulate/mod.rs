@@ -5,7 +5,6 @@
 //! and the board answers what its bridge does. Neither side goes on before the other has answered, so a run is
 //! the same every time, whatever the machine is busy with.
 //!
-//! - [`image`](mod@image): the firmware, given or built.
 //! - [`Machine`]: the emulator's process and the line to it.
 //! - [`Board`]: the emulated board behind the link.
 //! - [`Sensors`]: from the plant's state to the readings of converters.
@@ -13,7 +12,6 @@
 //! - [`run`]: the lockstep of all of them.
 
 mod board;
-pub mod image;
 mod machine;
 mod run;
 mod sensors;

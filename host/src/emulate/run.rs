@@ -37,7 +37,7 @@ impl<T: Number> OnHost<T> {
     /// A drive that is on. Fails if the parameters are not valid, or it cannot be turned on.
     pub fn new(parameters: Parameters<T>) -> Result<Self> {
         let drive = Drive::new(parameters, Faults::NONE, &mut []);
-        let mut drive = drive.ok_or_else(|| Error::Usage("invalid parameters".to_owned()))?;
+        let mut drive = drive.ok_or_else(|| Error::Usage("the model and the options give the controller parameters that are not finite or out of their ranges; check the model, --bandwidth and --limit".to_owned()))?;
         let refused = |why| Error::Internal(format!("the drive refuses to be enabled: {why:?}"));
         drive.enable().map_err(refused)?;
         let mailbox = Mailbox::new();

@@ -38,7 +38,8 @@ pub fn parameters<T: Number>(
         control.adaptation.method = Learning::Off;
         control.effects = Effects::NONE;
     }
-    let out_of_range = |e: OutOfRange| Error::Usage(format!("the board's numbers: {e}"));
+    let out_of_range =
+        |e: OutOfRange| Error::Usage(format!("{e}; check the units of the model and --limit"));
     let parameters = Parameters {
         limits: sensors.limits(),
         control: control.scaled(&SI).map_err(out_of_range)?,

@@ -19,7 +19,6 @@ use crate::error::Result;
 use crate::format::{quantity, significant};
 use crate::identify::Workbench;
 use crate::model::{Causality, Model, Parameter, Term};
-use crate::motion::Motion;
 use crate::recording::Recording;
 use candidates::{Candidate, Safe};
 use judge::Judge;
@@ -155,7 +154,7 @@ fn told(
     candidate: &Candidate,
 ) -> NextExperiment {
     let model = &outcome.after;
-    let (input, position) = (drive_unit(model), model.unit(Quantity::Position));
+    let (input, position) = (model.input_unit(), model.unit(Quantity::Position));
     let largest_u = candidate.u.iter().fold(0.0, |m: f64, u| m.max(u.abs()));
     let duration = candidate.t.last().copied().unwrap_or_default();
     let what = format!(
@@ -194,16 +193,6 @@ fn told(
         largest_u,
         predicted_travel: candidate.travel(),
         csv: csv(candidate, input, position),
-    }
-}
-
-/// The unit that the column `u` of a new recording has.
-fn drive_unit(model: &Model) -> &'static str {
-    match (model.input.as_str(), model.motion) {
-        ("voltage", _) => "V",
-        ("current", _) => "A",
-        (_, Motion::Rotary) => "N*m",
-        (_, Motion::Linear) => "N",
     }
 }
 

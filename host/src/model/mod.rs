@@ -140,6 +140,16 @@ impl Model {
         parameter.value = Some(parameter.clamp(value.clamp(physical.0, physical.1)));
     }
 
+    /// The unit of the column `u`.
+    pub fn input_unit(&self) -> &'static str {
+        match (self.input.as_str(), self.motion) {
+            ("voltage", _) => "V",
+            ("current", _) => "A",
+            (_, Motion::Rotary) => "N*m",
+            (_, Motion::Linear) => "N",
+        }
+    }
+
     /// Whether parameter `k` of [`Model::parameters`] is a whole number, which no gradient finds.
     pub fn is_whole(&self, k: usize) -> bool {
         self.spec(k)

@@ -14,7 +14,11 @@ use crate::error::Result;
 
 pub(super) fn read(source: &Source) -> Result<Recording> {
     let file = File::open(source.path).map_err(|e| source.unreadable(e))?;
-    let broken = |e: ParquetError| source.whole(&format!("not a readable Parquet file: {e}"));
+    let broken = |e: ParquetError| {
+        source.whole(&format!(
+            "not a readable Parquet file ({e}); write it anew, or give the recording as CSV"
+        ))
+    };
     let table = SerializedFileReader::new(file).map_err(broken)?;
     let schema = table.metadata().file_metadata().schema_descr_ptr();
     let names = schema.columns().iter().map(|c| c.name()).collect();

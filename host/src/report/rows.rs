@@ -1,10 +1,11 @@
-//! The weak-form rows as maps: residual torque against time, velocity and position.
+//! The weak-form rows as maps: residual torque against time, velocity, position and input.
 
 use super::page::{Band, Item, Plot, Role, Section, Style};
 use super::points::{Points, bins, dots};
 use super::runs::MOST_RECORDINGS;
 use super::subject::Subject;
 use crate::diagnose::Where;
+use crate::effects::Path;
 use crate::format::{scaled_unit, whole_percent};
 use crate::model::Model;
 use crate::problem::Direction;
@@ -20,6 +21,7 @@ pub(super) struct Rows {
     track: Vec<usize>,
     time: Vec<f64>,
     position: Vec<f64>,
+    input: Vec<f64>,
     before: Option<Vec<f64>>,
     /// Mean velocity.
     pub velocity: Vec<f64>,
@@ -45,6 +47,7 @@ impl Rows {
             time: rows.clone().map(|r| problem.time(*r)).collect(),
             velocity: problem.velocity().to_vec(),
             position: rows.map(|r| problem.tracks[r.track].q[r.centre]).collect(),
+            input: problem.input(&Path::default()).to_vec(),
             sliding: coulomb.iter().map(|s| s.abs() > SLIDING).collect(),
             before: subject.before.map(|b| residual(b.model)),
             after: residual(subject.after.model),
@@ -109,7 +112,7 @@ pub(super) fn section(
         str::to_owned,
         |place| {
             format!(
-                "Shaded: the times{} at which the mismatch is above its average, and the narrowest ranges of velocity and of position that hold {} of it. {}",
+                "Shaded: the times{} at which the mismatch is above its average, and the narrowest ranges of velocity, of position and of u that hold {} of it each. {}",
                 if several { ", all recordings taken together," } else { "" },
                 whole_percent(Where::SHARE),
                 place.text
@@ -157,6 +160,12 @@ pub(super) fn section(
                 x_label: format!("position [{length}]"),
                 bands: bands(&holds, &|p| vec![p.position]),
                 ..rows.map(subject, &rows.position, true, |_| true)
+            },
+            Plot {
+                title: "Against input".to_owned(),
+                x_label: format!("u [{}]", subject.after.model.input_unit()),
+                bands: bands(&holds, &|p| vec![p.input]),
+                ..rows.map(subject, &rows.input, true, |_| true)
             },
         ],
     });

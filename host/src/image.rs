@@ -44,7 +44,7 @@ pub fn build(target: Target, directory: Option<&Path>) -> Result<PathBuf> {
         .output()
         .map_err(|e| {
             Error::Usage(format!(
-                "the firmware cannot be built without cargo ({e}); give an image with --image"
+                "the firmware cannot be built without cargo ({e}); install Rust from https://rustup.rs, or give an image with --image"
             ))
         })?;
     if !output.status.success() {
