@@ -99,7 +99,7 @@ pub(super) fn select(
             break;
         }
         progress(&format!("trying the catalogue, round {round}"));
-        let Some(found) = best(scope, &current, recordings)? else {
+        let Some(found) = best(scope, &current, &selected, recordings)? else {
             break;
         };
         let (next, _) = bench.estimate(&with_trial(&current, &found.trial))?;
@@ -132,9 +132,16 @@ fn passes(trial: &Trial) -> bool {
 fn fits_in(effect: &dyn Effect, model: &Model) -> bool {
     let hangs = |e: &dyn Effect| e.seat() == Seat::Load;
     let loaded = model.terms.iter().any(|t| hangs(t.effect));
-    effect.unsuited(model.given()).is_none()
-        && !model.has(effect.id())
-        && !(loaded && hangs(effect))
+    let room = !(loaded && hangs(effect));
+    room && effect.unsuited(model.given()).is_none() && !model.has(effect.id())
+}
+
+/// Whether a fast effect that is taken for this one has been selected: of two such the second is a rival of the first and no
+/// further finding.
+fn taken(effect: &dyn Effect, selected: &[Selected]) -> bool {
+    let confused = |a: &dyn Effect, b: &dyn Effect| a.confusions().iter().any(|c| c.id == b.id());
+    let mut fast = selected.iter().filter(|s| s.fast).map(|s| s.trial.effect);
+    fast.any(|other| confused(other, effect) || confused(effect, other))
 }
 
 /// Every effect that a model has room for, tried on it; best first.
@@ -153,12 +160,18 @@ fn trials(
 }
 
 /// The effect with the best evidence among those that pass, or else among those that are [`rescued`].
-fn best(scope: &Scope, model: &Model, recordings: &[Recording]) -> Result<Option<Selected>> {
-    let &Scope { bench, .. } = scope;
+fn best(
+    scope: &Scope,
+    model: &Model,
+    selected: &[Selected],
+    recordings: &[Recording],
+) -> Result<Option<Selected>> {
+    let bench = scope.bench;
+    let sought = |effect: &dyn Effect| (scope.sought)(effect) && !taken(effect, selected);
     let Some(base) = Base::new(bench, model)? else {
         return Ok(None);
     };
-    let (mut passing, rest): (Vec<Trial>, Vec<Trial>) = trials(&base, model, scope.sought)?
+    let (mut passing, rest): (Vec<Trial>, Vec<Trial>) = trials(&base, model, &sought)?
         .into_iter()
         .partition(scope.passes);
     if passing.is_empty() && !scope.fast {
