@@ -48,15 +48,16 @@ pub fn predict(
 ) -> Vec<State> {
     let mut states = Vec::with_capacity(to - from);
     let along = Along::new(axis, track);
-    let mut first = from;
-    while first < to {
-        let end = recording
-            .t
-            .partition_point(|&t| t < recording.t[first] + horizon - 1e-9)
-            .clamp(first + 1, to);
-        let start = along.start(recording, track, first);
-        states.extend(simulate::run_axis(axis, recording, first, end - 1, start));
-        first = end;
+    for samples in windows(&recording.t, horizon, from..to) {
+        let start = along.start(recording, track, samples.start);
+        let last = samples.end - 1;
+        states.extend(simulate::run_axis(
+            axis,
+            recording,
+            samples.start,
+            last,
+            start,
+        ));
     }
     states
 }
@@ -143,6 +144,11 @@ pub struct Sums {
 const WORST: f64 = 1e6;
 
 impl Sums {
+    /// Sum of squared errors.
+    pub fn squares(&self) -> f64 {
+        self.error
+    }
+
     /// Adds the sums over other windows.
     pub fn add(&mut self, other: &Self) {
         self.error += other.error;
@@ -164,76 +170,92 @@ impl Sums {
     }
 }
 
+/// Sums over each window of both parts of the recordings; over each sample where the motion is imposed.
+pub struct Parts {
+    /// First 70 % of each recording.
+    pub train: Vec<Sums>,
+    /// Last 30 % of each recording.
+    pub held_out: Vec<Sums>,
+}
+
+impl Parts {
+    /// The errors of the training part.
+    pub fn train(&self) -> Error {
+        total(&self.train).error()
+    }
+
+    /// The errors of the held-out part.
+    pub fn held_out(&self) -> Error {
+        total(&self.held_out).error()
+    }
+}
+
+fn total(windows: &[Sums]) -> Sums {
+    let mut total = Sums::default();
+    windows.iter().for_each(|window| total.add(window));
+    total
+}
+
 /// Judges a complete model on its recordings.
 pub fn judge(model: &Model, recordings: &[Recording], tracks: &[Track]) -> Result<Fit> {
+    let (parts, whole) = run(model, recordings, tracks, true)?;
+    Ok(Fit {
+        train: parts.train(),
+        held_out: parts.held_out(),
+        free_run_rmse: Some(total(&whole).error().rmse),
+    })
+}
+
+/// Runs a complete model over the windows alone.
+pub fn parts(model: &Model, recordings: &[Recording], tracks: &[Track]) -> Result<Parts> {
+    Ok(run(model, recordings, tracks, false)?.0)
+}
+
+/// The sums over the windows and, if wanted, over each whole recording.
+fn run(
+    model: &Model,
+    recordings: &[Recording],
+    tracks: &[Track],
+    whole: bool,
+) -> Result<(Parts, Vec<Sums>)> {
     let axis = Axis::new(model)?;
-    let mut sums = [Sums::default(), Sums::default(), Sums::default()];
+    let (mut train, mut held_out, mut all) = (Vec::new(), Vec::new(), Vec::new());
     for (recording, track) in recordings.iter().zip(tracks) {
         let boundary = (TRAIN_SHARE * recording.len() as f64) as usize;
         if model.causality == Causality::Inverse {
             let force = inverse(&axis, recording, track);
-            for (k, force) in force.iter().enumerate().take(recording.len()) {
-                for part in [usize::from(k >= boundary), 2] {
-                    sums[part].add(&of_force(*force, recording.u[k]));
-                }
-            }
+            let samples = force.iter().zip(&recording.u);
+            let samples: Vec<Sums> = samples.map(|(f, u)| of_force(*f, *u)).collect();
+            train.extend(&samples[..boundary]);
+            held_out.extend(&samples[boundary..]);
+            all.extend(samples);
             continue;
         }
-        for (part, range) in [(0, 0..boundary), (1, boundary..recording.len())] {
-            windows(&axis, recording, track, HORIZON, range, &mut sums[part]);
-        }
-        let whole = f64::INFINITY;
-        windows(
-            &axis,
-            recording,
-            track,
-            whole,
-            0..recording.len(),
-            &mut sums[2],
-        );
-    }
-    Ok(Fit {
-        train: sums[0].error(),
-        held_out: sums[1].error(),
-        free_run_rmse: Some(sums[2].error().rmse),
-    })
-}
-
-/// Sum of squared errors in each window of the held-out parts.
-pub fn held_out_windows(
-    model: &Model,
-    recordings: &[Recording],
-    tracks: &[Track],
-) -> Result<Vec<f64>> {
-    let axis = Axis::new(model)?;
-    let mut squares = Vec::new();
-    for (recording, track) in recordings.iter().zip(tracks) {
         let along = Along::new(&axis, track);
-        let mut first = (TRAIN_SHARE * recording.len() as f64) as usize;
-        while first < recording.len() {
-            let end = window_end(&recording.t, first, HORIZON).min(recording.len());
-            squares.push(window(&axis, recording, track, &along, first..end).error);
-            first = end;
+        let over = |horizon: f64, range: std::ops::Range<usize>| {
+            windows(&recording.t, horizon, range)
+                .map(|samples| window(&axis, recording, track, &along, samples))
+        };
+        train.extend(over(HORIZON, 0..boundary));
+        held_out.extend(over(HORIZON, boundary..recording.len()));
+        if whole {
+            all.extend(over(f64::INFINITY, 0..recording.len()));
         }
     }
-    Ok(squares)
+    Ok((Parts { train, held_out }, all))
 }
 
+/// A range of samples cut into windows of a length in seconds.
 fn windows(
-    axis: &Axis,
-    recording: &Recording,
-    track: &Track,
+    t: &[f64],
     horizon: f64,
     range: std::ops::Range<usize>,
-    sums: &mut Sums,
-) {
-    let along = Along::new(axis, track);
+) -> impl Iterator<Item = std::ops::Range<usize>> {
     let mut first = range.start;
-    while first < range.end {
-        let end = window_end(&recording.t, first, horizon).min(range.end);
-        sums.add(&window(axis, recording, track, &along, first..end));
-        first = end;
-    }
+    std::iter::from_fn(move || {
+        let end = (first < range.end).then(|| window_end(t, first, horizon).min(range.end))?;
+        Some(std::mem::replace(&mut first, end)..end)
+    })
 }
 
 /// One past the last sample of the window that begins at a sample.

@@ -123,6 +123,16 @@ pub fn score(
     })
 }
 
+/// `response − columns·β` of every row, over as many columns as β has entries.
+pub fn residual(response: &[f64], columns: &[&[f64]], beta: &DVector<f64>) -> Vec<f64> {
+    let mut residual = response.to_vec();
+    for (column, beta) in columns.iter().zip(beta.iter()) {
+        let rows = residual.iter_mut().zip(*column);
+        rows.for_each(|(r, x)| *r -= beta * x);
+    }
+    residual
+}
+
 #[cfg(test)]
 mod tests {
     use super::score;

@@ -41,15 +41,6 @@ impl Scalar for f64 {
         f64::abs(self)
     }
     #[inline]
-    fn clamp_symmetric(self, bound: Self) -> Self {
-        // The usual case by one comparison: each takes four instructions where there is no minimum and maximum.
-        if f64::abs(self) > bound {
-            if self > 0.0 { bound } else { -bound }
-        } else {
-            self
-        }
-    }
-    #[inline]
     fn half(self) -> Self {
         0.5 * self
     }
@@ -98,15 +89,6 @@ impl Scalar for f32 {
     #[inline]
     fn abs(self) -> Self {
         f32::abs(self)
-    }
-    #[inline]
-    fn clamp_symmetric(self, bound: Self) -> Self {
-        // The usual case by one comparison: each takes four instructions where there is no minimum and maximum.
-        if f32::abs(self) > bound {
-            if self > 0.0 { bound } else { -bound }
-        } else {
-            self
-        }
     }
     #[inline]
     fn half(self) -> Self {

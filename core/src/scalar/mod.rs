@@ -98,11 +98,11 @@ pub trait Scalar:
 
     /// The value limited to `[-bound, bound]`.
     #[must_use]
+    #[inline]
     fn clamp_symmetric(self, bound: Self) -> Self {
-        if self > bound {
-            bound
-        } else if self < -bound {
-            -bound
+        // The usual case by one comparison: each takes four instructions where there is no minimum and maximum.
+        if self.abs() > bound {
+            if self > Self::ZERO { bound } else { -bound }
         } else {
             self
         }

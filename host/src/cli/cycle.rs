@@ -17,6 +17,7 @@ use crate::identify::{Options, identify};
 use crate::model::Model;
 use crate::recording::Recording;
 use crate::report;
+use crate::showcase;
 
 /// What `loop.json` holds.
 #[derive(Serialize)]
@@ -41,7 +42,7 @@ pub(super) fn run(folder: &Path, image: Option<&Path>, seed: u64) -> Outcome {
     let (recording, baseline) = (at("recording.csv"), at("baseline.toml"));
     write(&[
         (&recording, csv(&recorded, &truth)),
-        (&baseline, cycle::BASELINE.to_owned()),
+        (&baseline, showcase::BASELINE.to_owned()),
     ])?;
     anstream::println!(
         "Recorded {:.0} s of an axis with concealed physics on the emulated board: {}\nDiagnosing it against a model of Coulomb and viscous friction: {}\n",

@@ -12,6 +12,7 @@ use crate::bench::{self, Control, Sensors};
 use crate::error::{Error, Result};
 use crate::model::Model;
 use crate::plant;
+use crate::showcase::{AXIS, BASELINE, COUNTS, DISTURBANCE};
 
 /// Run the main job on a built-in recording: an axis with concealed physics, simulated, recorded and diagnosed
 ///
@@ -40,37 +41,8 @@ pub(super) struct Command {
     image: Option<PathBuf>,
 }
 
-/// The axis as it is: the diagnosis never sees this text.
-const TRUTH: &str = "[plant]
-motion = \"rotary\"
-inertia = 0.012
-[friction]
-model = \"stribeck\"
-coulomb = 0.18
-viscous = 0.021
-static = 0.30
-stribeck_velocity = 0.7
-";
-
-/// What its owner believes.
-const BASELINE: &str = "name = \"demonstration axis\"
-
-[plant]
-motion  = \"rotary\"
-input   = \"torque\"
-inertia = \"?\"
-
-[friction]
-model   = \"coulomb-viscous\"
-coulomb = \"?\"
-viscous = \"?\"
-";
-
 const RATE: usize = 1000;
 const SECONDS: usize = 24;
-const COUNTS: f64 = 16384.0;
-/// Torque that acts on the axis and is not recorded, RMS, N·m.
-const DISTURBANCE: f64 = 0.01;
 
 impl Command {
     pub fn run(&self) -> Outcome {
@@ -107,7 +79,7 @@ impl Command {
 
 /// Runs the axis under position control and writes what its driver would have recorded.
 fn record(seed: u64) -> Result<String> {
-    let model = Model::parse(TRUTH).map_err(Error::Internal)?;
+    let model = Model::parse(AXIS).map_err(Error::Internal)?;
     let t: Vec<f64> = (0..SECONDS * RATE)
         .map(|k| k as f64 / RATE as f64)
         .collect();

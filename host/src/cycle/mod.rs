@@ -16,35 +16,13 @@ use crate::emulate::{self, Board, Plan, Sensors, Setup};
 use crate::error::{Error, Result};
 use crate::model::Model;
 use crate::plant;
+use crate::showcase::{AXIS, COUNTS, DISTURBANCE};
 use crate::tune::Wish;
 
-/// The axis as it is: neither the diagnosis nor the board ever sees this text.
-const TRUTH: &str = "[plant]
-motion = \"rotary\"
-inertia = 0.012
-[friction]
-model = \"stribeck\"
-coulomb = 0.18
-viscous = 0.021
-static = 0.30
-stribeck_velocity = 0.7
-[effects.gravity]
+/// What the axis conceals beside its Stribeck curve.
+const UNBALANCE: &str = "[effects.gravity]
 amplitude = 0.15
 phase = 0.5
-";
-
-/// What its owner believes.
-pub const BASELINE: &str = "name = \"demonstration axis\"
-
-[plant]
-motion  = \"rotary\"
-input   = \"torque\"
-inertia = \"?\"
-
-[friction]
-model   = \"coulomb-viscous\"
-coulomb = \"?\"
-viscous = \"?\"
 ";
 
 /// What the data sheets say, enough for a controller that moves the axis while it is recorded.
@@ -62,9 +40,6 @@ viscous = 0.0
 ";
 
 const RATE: f64 = 1000.0;
-const COUNTS: f64 = 16384.0;
-/// Torque that acts on the axis and is not recorded, RMS, N·m.
-const DISTURBANCE: f64 = 0.01;
 /// What is asked of every controller.
 const WISH: Wish = Wish {
     bandwidth: 6.0,
@@ -116,7 +91,7 @@ pub struct Lap {
 
 /// The axis as it is, for whoever writes its recordings.
 pub fn truth() -> Result<Model> {
-    Model::parse(TRUTH).map_err(Error::Internal)
+    Model::parse(&format!("{AXIS}{UNBALANCE}")).map_err(Error::Internal)
 }
 
 /// Records the axis, which the board moves through slow and fast speeds knowing no more than data sheets.
@@ -217,8 +192,9 @@ fn run(
 
 #[cfg(test)]
 mod tests {
-    use super::{BASELINE, DATA_SHEET, WISH, plan, truth};
+    use super::{DATA_SHEET, WISH, plan, truth};
     use crate::model::Model;
+    use crate::showcase::BASELINE;
     use crate::tune::parameters;
 
     #[test]

@@ -1,10 +1,11 @@
 //! What the held-out part says of the effects that the training part selected.
 
 use super::select::{self, Scope, Selection};
+use super::trial::students_t;
 use super::whitened;
 use crate::effects::Effect;
 use crate::error::Result;
-use crate::fit;
+use crate::fit::{self, Parts};
 use crate::identify::Workbench;
 use crate::model::{Causality, Model};
 use crate::recording::Recording;
@@ -21,8 +22,12 @@ pub(super) struct HeldOut {
 impl HeldOut {
     /// Compares a model with one that lacks something.
     pub fn of(bench: &Workbench, with: &Model, without: &Model) -> Self {
-        let (with, without) = (whitened(bench, with), whitened(bench, without));
-        let rows = with.iter().zip(&without).zip(&bench.problem.rows);
+        Self::between(bench, &whitened(bench, with), &whitened(bench, without))
+    }
+
+    /// Compares whitened residuals with something with those without it.
+    pub fn between(bench: &Workbench, with: &[f64], without: &[f64]) -> Self {
+        let rows = with.iter().zip(without).zip(&bench.problem.rows);
         let rows = rows.filter(|(_, row)| row.part == Part::HeldOut);
         rows.fold(
             Self {
@@ -88,7 +93,9 @@ fn confirm(
     (mut selected, mut after): Selection,
     recordings: &[Recording],
 ) -> Result<Selection> {
-    let rows = bench.problem.count(Part::HeldOut);
+    let few = bench.problem.count(Part::HeldOut) < FEWEST_HELD_OUT;
+    let run = |model: &Model| fit::parts(model, recordings, &bench.problem.tracks);
+    let mut with_it = run(&after)?;
     let mut k = selected.len();
     while k > 0 {
         k -= 1;
@@ -100,17 +107,16 @@ fn confirm(
         }
         let (without, _) = bench.estimate(&lacking)?;
         let held_out = HeldOut::of(bench, &after, &without);
-        let few = rows < FEWEST_HELD_OUT;
         let weak_form_helps = few || held_out.fall > 0.0;
         let chance = if !few && held_out.shows_again() {
             BY_CHANCE
         } else {
             0.0
         };
-        let free_run_helps = !worsens(bench, &after, &without, recordings, chance)?;
-        if !(weak_form_helps && free_run_helps) {
+        let without_it = run(&without)?;
+        if !weak_form_helps || worsens(&with_it, &without_it, after.causality, chance) {
             selected.remove(k);
-            after = without;
+            (after, with_it) = (without, without_it);
         }
     }
     Ok((selected, after))
@@ -131,39 +137,17 @@ pub(super) fn departure(bench: &Workbench, model: &Model) -> f64 {
     (mean_square(Part::HeldOut) / mean_square(Part::Train).max(f64::MIN_POSITIVE)).sqrt()
 }
 
-/// Whether a model predicts the held-out part worse than another: by more than [`FREE_RUN_TOLERANCE`] and, window against
-/// window, by more than so many standard errors. Where the axis hardly moves, nothing can be said.
-fn worsens(
-    bench: &Workbench,
-    model: &Model,
-    other: &Model,
-    recordings: &[Recording],
-    chance: f64,
-) -> Result<bool> {
-    let tracks = &bench.problem.tracks;
-    let (fit, instead) = (
-        fit::judge(model, recordings, tracks)?,
-        fit::judge(other, recordings, tracks)?,
-    );
-    let moves = fit.held_out.signal > LEAST_MOTION * fit.train.signal;
-    if !moves || fit.held_out.nrmse < FREE_RUN_TOLERANCE * instead.held_out.nrmse {
-        return Ok(false);
+/// Whether one model predicts the held-out part worse than another: by more than [`FREE_RUN_TOLERANCE`] and, window against
+/// window, by more than so many standard errors; of an imposed motion, which has no windows, by the former alone. Where the
+/// axis hardly moves, nothing can be said.
+fn worsens(with: &Parts, without: &Parts, causality: Causality, chance: f64) -> bool {
+    let moves = with.held_out().signal > LEAST_MOTION * with.train().signal;
+    if !moves || with.held_out().nrmse < FREE_RUN_TOLERANCE * without.held_out().nrmse {
+        return false;
     }
-    if model.causality == Causality::Inverse {
-        return Ok(true);
-    }
-    let squares = |model: &Model| fit::held_out_windows(model, recordings, tracks);
-    let pairs = squares(model)?.into_iter().zip(squares(other)?);
-    let rises: Vec<f64> = pairs.map(|(with, without)| with - without).collect();
-    Ok(rises.len() < FEWEST_WINDOWS || t(&rises) > chance)
-}
-
-/// Student's t of a mean.
-fn t(x: &[f64]) -> f64 {
-    let count = x.len() as f64;
-    let mean = x.iter().sum::<f64>() / count;
-    let variance = x.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (count - 1.0);
-    mean / (variance / count).sqrt().max(f64::MIN_POSITIVE)
+    let pairs = with.held_out.iter().zip(&without.held_out);
+    let rises: Vec<f64> = pairs.map(|(a, b)| a.squares() - b.squares()).collect();
+    causality == Causality::Inverse || rises.len() < FEWEST_WINDOWS || students_t(&rises) > chance
 }
 
 /// A held-out free run over a handful of windows scatters by a few per cent through its measured starting

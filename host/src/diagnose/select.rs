@@ -3,10 +3,10 @@
 use rayon::prelude::*;
 
 use super::confirm;
-use super::trial::{Base, Gain, Trial};
+use super::trial::{Base, Generic, Trial};
 use crate::effects::{self, Effect, Path, Seat};
 use crate::error::Result;
-use crate::fit;
+use crate::fit::{self, Parts};
 use crate::identify::Workbench;
 use crate::model::Model;
 use crate::problem::Direction;
@@ -174,10 +174,12 @@ fn best(
     let (mut passing, rest): (Vec<Trial>, Vec<Trial>) = trials(&base, model, &sought)?
         .into_iter()
         .partition(scope.passes);
-    if passing.is_empty() && !scope.fast {
+    let rest: Vec<Trial> = rest.into_iter().filter(worth_a_look).collect();
+    if passing.is_empty() && !scope.fast && !rest.is_empty() {
+        let before = fit::parts(model, recordings, &bench.problem.tracks)?;
         let counts: Result<Vec<bool>> = rest
             .par_iter()
-            .map(|trial| rescued(bench, model, trial, recordings))
+            .map(|trial| rescued(bench, (model, &before), trial, recordings))
             .collect();
         let rest = rest.into_iter().zip(counts?);
         passing.extend(rest.filter_map(|(trial, counts)| counts.then_some(trial)));
@@ -190,46 +192,30 @@ fn best(
     }))
 }
 
-/// Whether an effect counts although its gain in the weak form does not suffice: because noise on the input drowns it,
-/// which the free run averages ([`predicts_better`]), or because it acts too rarely for its gain to be told from chance
-/// fold by fold ([`shows_again`]).
+/// Whether the evidence for an effect is significant, though it may not suffice.
+fn worth_a_look(trial: &Trial) -> bool {
+    trial.delta_bic >= LEAST_DELTA_BIC && trial.gain.share > 0.0
+}
+
+/// Whether an effect that is [`worth_a_look`] counts although its gain in the weak form does not suffice: because it acts too
+/// rarely for a large gain to be told from chance fold by fold, but takes off the χ² of the held-out part what it should; or
+/// because noise on the input drowns it, which the free run averages: then it must halve the squared error of the free run
+/// without it, on the training part and on the held-out part.
 fn rescued(
     bench: &Workbench,
-    model: &Model,
+    (model, before): (&Model, &Parts),
     trial: &Trial,
     recordings: &[Recording],
 ) -> Result<bool> {
-    Ok(shows_again(bench, model, trial)? || predicts_better(bench, model, trial, recordings)?)
-}
-
-/// Whether an effect with significant evidence halves the squared error of the free run, on the training part and on
-/// the held-out part.
-fn predicts_better(
-    bench: &Workbench,
-    model: &Model,
-    trial: &Trial,
-    recordings: &[Recording],
-) -> Result<bool> {
-    if trial.delta_bic < LEAST_DELTA_BIC || trial.gain.share <= 0.0 {
-        return Ok(false);
-    }
-    let tracks = &bench.problem.tracks;
     let (with, _) = bench.estimate(&with_trial(model, trial))?;
-    let before = fit::judge(model, recordings, tracks)?;
-    let after = fit::judge(&with, recordings, tracks)?;
-    let halves = |before: f64, after: f64| after * after < 0.5 * before * before;
-    Ok(halves(before.train.nrmse, after.train.nrmse)
-        && halves(before.held_out.nrmse, after.held_out.nrmse))
-}
-
-/// Whether an effect with large and significant, but rare gains in the training part acts in the held-out part, too, and
-/// takes there at least half of what it should off χ².
-fn shows_again(bench: &Workbench, model: &Model, trial: &Trial) -> Result<bool> {
-    if trial.delta_bic < LEAST_DELTA_BIC || trial.gain.share < FLOOR {
-        return Ok(false);
+    if trial.gain.share >= FLOOR && confirm::HeldOut::of(bench, &with, model).shows_again() {
+        return Ok(true);
     }
-    let (with, _) = bench.estimate(&with_trial(model, trial))?;
-    Ok(confirm::HeldOut::of(bench, &with, model).shows_again())
+    let after = fit::parts(&with, recordings, &bench.problem.tracks)?;
+    let halves = |before: fit::Error, after: fit::Error| {
+        after.nrmse * after.nrmse < 0.5 * before.nrmse * before.nrmse
+    };
+    Ok(halves(before.train(), after.train()) && halves(before.held_out(), after.held_out()))
 }
 
 /// Drops effects that those selected later have made superfluous, each judged under the windows that it was found with.
@@ -255,8 +241,12 @@ fn reexamine(
         };
         let needed = match trial {
             Some(trial) if selected[k].fast => (scope.passes)(&trial),
-            Some(trial) => passes(&trial) || rescued(bench, &without, &trial, recordings)?,
-            None => false,
+            Some(trial) if passes(&trial) => true,
+            Some(trial) if worth_a_look(&trial) => {
+                let before = fit::parts(&without, recordings, &bench.problem.tracks)?;
+                rescued(bench, (&without, &before), &trial, recordings)?
+            }
+            _ => false,
         };
         if needed {
             k += 1;
@@ -298,27 +288,32 @@ pub(super) fn leftover(bench: &Workbench, model: &Model) -> Result<Leftover> {
         .collect();
     groups.push(("time, periodically", base.spectral_line()));
     let friction = bench.problem.coulomb(&Direction::default());
-    groups.push(("time, as friction in spells", base.spells(&friction)));
-    groups.push(("time, in spells", base.spells(&vec![1.0; friction.len()])));
-    let mut gains: Vec<(&'static str, Gain)> = groups
+    let residual = system::residual(&bench.problem, model);
+    for (name, carrier) in [
+        ("time, as friction in spells", friction.as_slice()),
+        ("time, in spells", &vec![1.0; friction.len()]),
+    ] {
+        groups.push((name, base.spells(carrier, &residual)));
+    }
+    let mut alone: Vec<(&'static str, Generic)> = groups
         .iter()
-        .map(|(name, c)| (*name, base.generic_gain(c)))
+        .map(|(name, c)| (*name, base.generic(c)))
         .collect();
-    gains.sort_by(|a, b| b.1.share.total_cmp(&a.1.share));
+    alone.sort_by(|a, b| b.1.gain.share.total_cmp(&a.1.gain.share));
     let all: Vec<Vec<f64>> = groups.into_iter().flat_map(|(_, c)| c).collect();
-    let together = base.generic_gain(&all);
-    let best = gains.iter().map(|g| g.1).chain([together]);
-    let gain = best
-        .clone()
-        .map(|g| g.share)
-        .fold(f64::NEG_INFINITY, f64::max);
+    let together = base.generic(&all);
+    let each = alone.iter().map(|g| g.1).chain([together]);
+    let shares = each.clone().map(|g| g.gain.share);
+    let gain = shares.fold(f64::NEG_INFINITY, f64::max);
     let size = gain.max(0.0).sqrt() * relative_residual(bench, model);
     Ok(Leftover {
         gain,
         size,
-        certain: size >= smallest(bench)
-            && best.into_iter().any(|g| g.share >= FLOOR && g.t >= CERTAIN),
-        coordinates: gains.into_iter().map(|(name, g)| (name, g.share)).collect(),
+        certain: size >= smallest(bench) && each.into_iter().any(|g| g.certain()),
+        coordinates: alone
+            .into_iter()
+            .map(|(name, g)| (name, g.gain.share))
+            .collect(),
     })
 }
 

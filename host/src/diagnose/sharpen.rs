@@ -148,7 +148,9 @@ fn fast_ones((selected, _): &Selection) -> impl Iterator<Item = &'static dyn Eff
 /// Whether held-out free runs are better with a load than without.
 fn predicts(with: &Model, without: &Model, fine: &Workbench, all: &[Recording]) -> Result<bool> {
     let error = |model: &Model| -> Result<f64> {
-        Ok(fit::judge(model, all, &fine.problem.tracks)?.held_out.nrmse)
+        Ok(fit::parts(model, all, &fine.problem.tracks)?
+            .held_out()
+            .nrmse)
     };
     Ok(error(with)? < LOAD_LEAVES * error(without)?)
 }

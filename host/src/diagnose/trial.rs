@@ -1,13 +1,13 @@
 //! One effect tried on top of a model.
 
-use super::select::CERTAIN;
+use super::confirm::HeldOut;
+use super::select::{CERTAIN, FLOOR};
 use crate::effects::{Effect, Inner};
 use crate::error::Result;
 use crate::identify::Workbench;
-use crate::linear::Score;
+use crate::linear::{self, Score};
 use crate::model::Model;
 use crate::scan::{self, Ground};
-use crate::system;
 
 /// The best that an effect can do on top of a model.
 #[derive(Clone)]
@@ -36,7 +36,6 @@ impl Trial {
 /// A model with numbers, its whitened system and its score: what candidates are compared with.
 pub(super) struct Base<'a> {
     bench: &'a Workbench,
-    model: &'a Model,
     ground: Ground<'a>,
 }
 
@@ -51,29 +50,43 @@ pub(super) struct Gain {
 
 impl Gain {
     fn of(before: &Score, after: &Score) -> Self {
-        let falls = before
-            .by_fold
-            .iter()
-            .zip(&after.by_fold)
-            .map(|(b, a)| b - a);
-        let count = before.by_fold.len() as f64;
-        let mean = falls.clone().sum::<f64>() / count;
-        let variance = falls.map(|f| (f - mean).powi(2)).sum::<f64>() / (count - 1.0);
+        let folds = before.by_fold.iter().zip(&after.by_fold);
+        let falls: Vec<f64> = folds.map(|(b, a)| b - a).collect();
         Self {
             share: 1.0 - after.cross_validated / before.cross_validated,
-            t: mean / (variance / count).sqrt().max(f64::MIN_POSITIVE),
+            t: students_t(&falls),
         }
+    }
+}
+
+/// Student's t of a mean.
+pub(super) fn students_t(x: &[f64]) -> f64 {
+    let count = x.len() as f64;
+    let mean = x.iter().sum::<f64>() / count;
+    let variance = x.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    mean / (variance / count).sqrt().max(f64::MIN_POSITIVE)
+}
+
+/// What generic functions do on top of a model.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Generic {
+    /// Their gain.
+    pub gain: Gain,
+    /// Whether the held-out part shows it again.
+    pub shows_again: bool,
+}
+
+impl Generic {
+    /// Whether it is no chance: all folds show it, or, if it is too rare for that, the held-out part does.
+    pub fn certain(&self) -> bool {
+        self.gain.share >= FLOOR && (self.gain.t >= CERTAIN || self.shows_again)
     }
 }
 
 impl<'a> Base<'a> {
     pub fn new(bench: &'a Workbench, model: &'a Model) -> Result<Option<Self>> {
         let ground = bench.ground(model)?;
-        Ok(ground.map(|ground| Self {
-            bench,
-            model,
-            ground,
-        }))
+        Ok(ground.map(|ground| Self { bench, ground }))
     }
 
     /// The score of the model.
@@ -102,32 +115,39 @@ impl<'a> Base<'a> {
         }))
     }
 
-    /// Cross-validated gain of generic columns on top of the model.
-    pub fn generic_gain(&self, columns: &[Vec<f64>]) -> Gain {
-        let all: Vec<&[f64]> = self
-            .ground
-            .system
-            .columns
-            .iter()
-            .chain(columns)
-            .map(Vec::as_slice)
-            .collect();
-        crate::linear::score(
-            &self.ground.system.response,
+    /// What generic columns gain on top of the model.
+    pub fn generic(&self, columns: &[Vec<f64>]) -> Generic {
+        let system = &self.ground.system;
+        let own = system.columns.iter();
+        let all: Vec<&[f64]> = own.chain(columns).map(Vec::as_slice).collect();
+        let folds = &self.bench.folds;
+        let fitted = linear::score(
+            &system.response,
             &all,
-            &self.bench.folds,
+            folds,
             GENERIC_RIDGE,
-            self.ground.system.errors(),
-        )
-        .map_or(Gain::default(), |s| Gain::of(&self.ground.score, &s))
+            system.errors(),
+        );
+        let Some(with) = fitted else {
+            return Generic::default();
+        };
+        let without = &self.ground.score;
+        let held_out = HeldOut::between(
+            self.bench,
+            &linear::residual(&system.response, &all, &with.beta),
+            &linear::residual(&system.response, &all, &without.beta),
+        );
+        Generic {
+            gain: Gain::of(without, &with),
+            shows_again: held_out.shows_again(),
+        }
     }
 
     /// What the rows shortly before and after say of each row, if a torque times `carrier` comes and goes in spells: the
     /// carrier times the mean of the residual along it, as a column. Rows whose windows overlap are left out of the mean,
     /// so that it has no noise in common with the row.
-    pub fn spells(&self, carrier: &[f64]) -> Vec<Vec<f64>> {
+    pub fn spells(&self, carrier: &[f64], residual: &[f64]) -> Vec<Vec<f64>> {
         let problem = &self.bench.problem;
-        let residual = system::residual(problem, self.model);
         let widths: Vec<f64> = problem.half_widths().collect();
         let count = problem.rows.len();
         let near = |k: usize, j: usize| {

@@ -156,7 +156,13 @@ impl Machine {
                 Err(RecvTimeoutError::Disconnected) => Ok(0),
                 Err(RecvTimeoutError::Timeout) => Err(ErrorKind::TimedOut.into()),
             },
-            Line::Socket { stream, .. } => stream.read(buffer),
+            Line::Socket { stream, .. } => loop {
+                match stream.read(buffer) {
+                    // A signal is no answer: a suspended and resumed process gets one.
+                    Err(e) if e.kind() == ErrorKind::Interrupted => {}
+                    read => break read,
+                }
+            },
         };
         match read {
             Ok(0) => Err(self.broken("it closed the line")),

@@ -13,7 +13,9 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
 use super::commission::{Bench, commission};
-use super::{Layout, Played, Shown, Trial, Way, classic, found, said, tracked, usable};
+use super::{
+    Layout, Played, Shown, Trial, Way, classic, found, levels_over, said, tracked, usable,
+};
 use crate::error::{Error, Result};
 use crate::model::Model;
 use crate::servo::{Aim, Servo};
@@ -159,8 +161,6 @@ pub(super) fn play(number: u64, mut rng: ChaCha8Rng) -> Result<Played> {
         merits.push(tracked(way, servo.samples(), &layout, END));
         shown.push(Shown::of(way, &servo));
     }
-    let samples = (END / PERIOD).round() as usize;
-    let level = |k: usize| drawn.levels[usize::from(k as f64 * PERIOD >= STRETCH - 1e-9)];
     Ok(Played {
         trial: Trial {
             plant: number,
@@ -169,7 +169,7 @@ pub(super) fn play(number: u64, mut rng: ChaCha8Rng) -> Result<Played> {
             merits,
         },
         shown,
-        truth: (0..samples).map(level).collect(),
+        truth: levels_over(&drawn.levels, &[STRETCH], END, PERIOD),
     })
 }
 

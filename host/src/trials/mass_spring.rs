@@ -14,7 +14,8 @@ use rand_chacha::ChaCha8Rng;
 
 use super::finish::Finish;
 use super::{
-    Layout, Merit, Played, Shown, Trial, Way, between, classic, found, said, tracked, usable,
+    Layout, Merit, Played, Shown, Trial, Way, between, classic, found, levels_over, said, tracked,
+    usable,
 };
 use crate::error::{Error, Result};
 use crate::model::Model;
@@ -189,8 +190,6 @@ pub(super) fn play(number: u64, mut rng: ChaCha8Rng) -> Result<Played> {
         merits.push(judge(way, &servo));
         shown.push(Shown::of(way, &servo));
     }
-    let samples = (END / PERIOD).round() as usize;
-    let level = |k: usize| drawn.levels[usize::from(k as f64 * PERIOD >= CHANGE - 1e-9)];
     Ok(Played {
         trial: Trial {
             plant: number,
@@ -199,7 +198,7 @@ pub(super) fn play(number: u64, mut rng: ChaCha8Rng) -> Result<Played> {
             merits,
         },
         shown,
-        truth: (0..samples).map(level).collect(),
+        truth: levels_over(&drawn.levels, &[CHANGE], END, PERIOD),
     })
 }
 

@@ -159,6 +159,15 @@ struct Played {
     truth: Vec<f64>,
 }
 
+/// The true Coulomb level at every sample up to `end`, of a plant whose levels follow one another at `changes`, s.
+fn levels_over(levels: &[f64], changes: &[f64], end: f64, period: f64) -> Vec<f64> {
+    let past = |t: f64| changes.iter().filter(|&&change| t >= change - 1e-9).count();
+    let samples = (end / period).round() as usize;
+    (0..samples)
+        .map(|k| levels[past(k as f64 * period)])
+        .collect()
+}
+
 /// Draws a plant and runs it under every way.
 type Play = fn(u64, ChaCha8Rng) -> Result<Played>;
 

@@ -16,7 +16,8 @@ use rand_chacha::ChaCha8Rng;
 use super::commission::{Bench, commission};
 use super::finish::Finish;
 use super::{
-    Layout, Merit, Played, Shown, Trial, Way, between, classic, convergence, said, tracked,
+    Layout, Merit, Played, Shown, Trial, Way, between, classic, convergence, levels_over, said,
+    tracked,
 };
 use crate::error::{Error, Result};
 use crate::model::Model;
@@ -192,7 +193,7 @@ pub(super) fn play(number: u64, mut rng: ChaCha8Rng) -> Result<Played> {
         (Way::Observer, learning(Learning::Observer)),
         (Way::Rows, learning(Learning::Rows)),
     ];
-    let truth = true_levels(&drawn);
+    let truth = levels_over(&drawn.levels, &CHANGES, ENDS[3], PERIOD);
     let (mut merits, mut shown) = (Vec::new(), Vec::new());
     for (way, parameters) in ways {
         let servo = drive(&drawn, &parameters, seed)?;
@@ -209,14 +210,6 @@ pub(super) fn play(number: u64, mut rng: ChaCha8Rng) -> Result<Played> {
         shown,
         truth,
     })
-}
-
-fn true_levels(drawn: &Drawn) -> Vec<f64> {
-    let samples = (ENDS[3] / PERIOD).round() as usize;
-    let changes = |t: f64| CHANGES.iter().filter(|&&change| t >= change - 1e-9).count();
-    (0..samples)
-        .map(|k| drawn.levels[changes(k as f64 * PERIOD)])
-        .collect()
 }
 
 fn drive(drawn: &Drawn, parameters: &Parameters<f64>, seed: u64) -> Result<Servo> {
