@@ -574,9 +574,9 @@ fn noise(seed: u32) -> Vec<u8> {
 /// How many frames a receiver sees in `bytes`, all of them bad.
 fn frames_in(bytes: &[u8]) -> u32 {
     let mut deframer = Deframer::new();
-    let frames = bytes.iter().filter_map(|&byte| deframer.push(byte));
-    let bad = frames.map(|frame| assert!(frame.and_then(decode::<Packet<f32>>).is_err()));
-    bad.count() as u32
+    let message = |byte: &u8| Some(deframer.push(*byte)?.and_then(decode::<Packet<f32>>));
+    let messages = bytes.iter().filter_map(message);
+    messages.map(|m| assert!(m.is_err())).count() as u32
 }
 
 #[test]

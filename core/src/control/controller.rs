@@ -7,7 +7,7 @@ use super::compensation::Velocities;
 use super::derived::Derived;
 use super::friction::Law;
 use super::rows::{RowState, Seen};
-use super::{Invalid, Learning, Observer, Parameters, Position};
+use super::{Invalid, Learning, Observer, Parameters, Position, Probe, Stage};
 use crate::Scalar;
 
 /// What the axis is to do.
@@ -158,9 +158,25 @@ impl<T: Scalar> Controller<T> {
 
     /// One sample: the encoder shows `counts`; gives the command from now until the next sample.
     pub fn step(&mut self, counts: i32, set_point: SetPoint<T>) -> Output<T> {
+        self.step_probed(counts, set_point, &mut ())
+    }
+
+    /// The same, under a probe.
+    #[inline]
+    pub fn step_probed(
+        &mut self,
+        counts: i32,
+        set_point: SetPoint<T>,
+        probe: &mut impl Probe,
+    ) -> Output<T> {
+        let before = self.state.observer.velocity;
         let moved = self.observe(counts);
+        probe.ended(Stage::Observer);
+        self.learn(counts, before);
+        probe.ended(Stage::Estimator);
         let (position, velocity) = (self.state.observer.position, self.state.observer.velocity);
         let (holding, wave) = self.placed(position, velocity);
+        probe.ended(Stage::Effects);
         let (mut friction, mut error) = (T::ZERO, T::ZERO);
         let torque = match set_point {
             SetPoint::Off | SetPoint::Command(_) => T::ZERO,
@@ -168,7 +184,9 @@ impl<T: Scalar> Controller<T> {
             _ => {
                 let wanted = self.wanted(set_point, moved);
                 error = wanted.error;
+                probe.ended(Stage::Controller);
                 friction = self.friction(&wanted, wave);
+                probe.ended(Stage::Compensation);
                 let p = &self.parameters;
                 let inertia =
                     p.effects
@@ -178,12 +196,15 @@ impl<T: Scalar> Controller<T> {
                 self.feed_back(&wanted, ahead, moved)
             }
         };
+        probe.ended(Stage::Controller);
         let (command, torque, saturated) = match set_point {
             SetPoint::Off => self.given(T::ZERO, velocity),
             SetPoint::Command(command) => self.given(command, velocity),
             _ => self.limited(torque, velocity),
         };
+        probe.ended(Stage::Limits);
         let finite = self.remember(torque, holding, wave);
+        probe.ended(Stage::Memory);
         Output {
             command: if finite { command } else { T::ZERO },
             torque,
@@ -198,19 +219,23 @@ impl<T: Scalar> Controller<T> {
         }
     }
 
-    /// Takes the encoder's counts in and learns from them; by how many counts the position has moved.
+    /// Takes the encoder's counts in; by how many counts the position has moved.
     fn observe(&mut self, counts: i32) -> T {
+        let Self { derived, state, .. } = self;
+        let push = state.drive * derived.kick;
+        let level = state.learned[0] + state.excess;
+        state
+            .observer
+            .sample(&derived.observer, counts, push, level * derived.kick)
+    }
+
+    /// Learns from a sample before which the velocity was `before`.
+    fn learn(&mut self, counts: i32, before: T) {
         let Self {
             parameters,
             derived,
             state,
         } = self;
-        let before = state.observer.velocity;
-        let push = state.drive * derived.kick;
-        let level = state.learned[0] + state.excess;
-        let moved = state
-            .observer
-            .sample(&derived.observer, counts, push, level * derived.kick);
         let after = state.observer.velocity;
         // What is known of friction beyond the Coulomb level belongs to what acts.
         let known = state.drive - before.sign() * state.excess;
@@ -233,7 +258,6 @@ impl<T: Scalar> Controller<T> {
                 state.learned = adaptation.bounded(state.learned, last);
             }
         }
-        moved
     }
 
     /// What resists at a position, whatever the direction, and what the Coulomb level has there beyond its mean.
@@ -243,8 +267,13 @@ impl<T: Scalar> Controller<T> {
         if !self.derived.placed {
             return (even, T::ZERO);
         }
-        let holding = effects.holding(position, self.parameters.count);
-        (even + holding, effects.friction.at(position))
+        let holding = effects.holding(position, self.derived.waves, self.parameters.count);
+        let wave = if self.derived.uneven {
+            effects.friction.at(position)
+        } else {
+            T::ZERO
+        };
+        (even + holding, wave)
     }
 
     /// The torque that compensates friction.

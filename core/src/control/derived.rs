@@ -28,12 +28,17 @@ pub(super) struct Derived<T> {
     pub flank_step: T,
     /// Whether any torque depends on position.
     pub placed: bool,
+    /// How many waves over position there are.
+    pub waves: usize,
+    /// Whether dry friction depends on position.
+    pub uneven: bool,
 }
 
 impl<T: Scalar> Derived<T> {
     pub fn new(p: &Parameters<T>) -> Self {
         let most = (p.gain * p.command_limit).abs();
         let backlash = &p.effects.backlash;
+        let (waves, uneven) = (p.effects.waves(), p.effects.friction.is_any());
         Self {
             observer: ObserverGains::new(p.observer_bandwidth, p.period, p.count),
             velocity: Pid {
@@ -54,7 +59,9 @@ impl<T: Scalar> Derived<T> {
                 p.torque_limit
             },
             flank_step: backlash.speed * p.period / p.count,
-            placed: p.effects.depends_on_position(),
+            placed: waves > 0 || uneven || p.effects.stiffness != T::ZERO,
+            waves,
+            uneven,
         }
     }
 }

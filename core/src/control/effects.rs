@@ -25,11 +25,13 @@ impl<T: Scalar> Harmonic<T> {
         cosine: T::ZERO,
     };
 
+    /// Whether it is other than zero anywhere.
+    pub fn is_any(&self) -> bool {
+        self.sine != T::ZERO || self.cosine != T::ZERO
+    }
+
     /// The value at a position.
     pub fn at(&self, position: Position<T>) -> T {
-        if self.sine == T::ZERO && self.cosine == T::ZERO {
-            return T::ZERO;
-        }
         // The part of a count counts by 256ths.
         let part = (position.fraction * T::from_i32(256)).floor() as u32;
         let whole = (position.counts as u32).wrapping_mul(self.cycle);
@@ -82,19 +84,19 @@ impl<T: Scalar> Effects<T> {
             && self.backlash.is_valid(inertia)
     }
 
-    /// Whether any torque here depends on the position.
-    pub fn depends_on_position(&self) -> bool {
-        let waves = self.waves.iter().chain([&self.friction]);
-        let waving = |w: &Harmonic<T>| w.sine != T::ZERO || w.cosine != T::ZERO;
-        self.stiffness != T::ZERO || waves.into_iter().any(waving)
+    /// How many of the waves matter: those from there on are zero.
+    pub fn waves(&self) -> usize {
+        let last = self.waves.iter().rposition(Harmonic::is_any);
+        last.map_or(0, |last| last + 1)
     }
 
-    /// What waves and a spring resist at a position, whatever the motion, N·m or N; `count` is rad or m to a count.
-    pub fn holding(&self, position: Position<T>, count: T) -> T {
-        let waves = self.waves.iter().map(|wave| wave.at(position));
+    /// What the first `count` waves and a spring resist at a position, whatever the motion, N·m or N; `unit` is rad or m to a
+    /// count of the encoder.
+    pub fn holding(&self, position: Position<T>, count: usize, unit: T) -> T {
+        let waves = self.waves.iter().take(count).map(|wave| wave.at(position));
         let mut sum = waves.fold(T::ZERO, |sum, wave| sum + wave);
         if self.stiffness != T::ZERO {
-            sum += self.stiffness * (position.minus(Position::at(0)) * count);
+            sum += self.stiffness * (position.minus(Position::at(0)) * unit);
         }
         sum
     }
@@ -122,7 +124,11 @@ mod tests {
         let effects = cogging::<T>();
         let errors = (-3000..3000).map(|k| {
             let counts = f64::from(k) * 3.37;
-            let found = effects.holding(Position::from_f64(counts), T::from_f64(0.01));
+            let found = effects.holding(
+                Position::from_f64(counts),
+                effects.waves(),
+                T::from_f64(0.01),
+            );
             let phase = counts * 24.0 / 4096.0 * core::f64::consts::TAU;
             let wave = 0.3 * libm::sin(phase) - 0.4 * libm::cos(phase);
             (found.to_f64() - (0.125 * 0.01 * counts + wave)).abs()

@@ -20,9 +20,9 @@
 //!
 //! | friction | Coulomb level | `f32` | fixed point |
 //! | --- | --- | --- | --- |
-//! | static | by the observer | 445 | 1190 |
-//! | static | by rows | 459 | 1170 |
-//! | bristles | by the observer | 496 | 1501 |
+//! | static | by the observer | 462 | 1038 |
+//! | static | by rows | 476 | 1020 |
+//! | bristles | by the observer | 512 | 1290 |
 //!
 //! ```
 //! use bristle_core::control::{
@@ -66,6 +66,7 @@ mod pid;
 mod position;
 mod profile;
 mod rows;
+mod stage;
 
 pub use backlash::Backlash;
 pub use compensation::{Compensation, Driver, Method};
@@ -79,3 +80,4 @@ pub use parameters::{Invalid, Parameters};
 pub use pid::Pid;
 pub use position::Position;
 pub use profile::{Limits, Profile};
+pub use stage::{Probe, Stage};

@@ -40,7 +40,7 @@ use recorder::Recorder;
 use serde::{Deserialize, Serialize};
 use signal::{Selection, Signal, Snapshot};
 
-use crate::control::{Controller, Output, Position, SetPoint};
+use crate::control::{Controller, Output, Position, Probe, SetPoint, Stage};
 
 /// Where the drive stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -149,6 +149,17 @@ impl<'a, T: Number> Drive<'a, T> {
 
     /// One control period.
     pub fn step(&mut self, sample: &Sample, news: &News<T>) -> Actuation<T> {
+        self.step_probed(sample, news, &mut ())
+    }
+
+    /// The same, under a probe.
+    #[inline]
+    pub fn step_probed(
+        &mut self,
+        sample: &Sample,
+        news: &News<T>,
+        probe: &mut impl Probe,
+    ) -> Actuation<T> {
         let reading = self.read(*sample);
         let driven = (self.state == State::Running).then_some(self.input);
         let limits = &self.parameters.limits;
@@ -157,10 +168,12 @@ impl<'a, T: Number> Drive<'a, T> {
         if let Some(set_point) = news.set_point {
             self.set_point = set_point;
         }
-        let output = self.law();
+        probe.ended(Stage::Monitor);
+        let output = self.law(probe);
         let bridge = self.state == State::Running;
         self.input = if bridge { output.command } else { T::ZERO };
         self.observe(&reading, &output);
+        probe.ended(Stage::Record);
         Actuation {
             input: self.input,
             bridge,
@@ -182,12 +195,13 @@ impl<'a, T: Number> Drive<'a, T> {
 
     /// The control law. Without power it is asked for nothing, and goes on observing.
     #[inline]
-    fn law(&mut self) -> Output<T> {
+    fn law(&mut self, probe: &mut impl Probe) -> Output<T> {
         let set_point = match self.state {
             State::Running => self.set_point,
             State::Off | State::Faulted => SetPoint::Off,
         };
-        let output = self.controller.step(self.encoder.total(), set_point);
+        let total = self.encoder.total();
+        let output = self.controller.step_probed(total, set_point, probe);
         if !(output.finite && output.velocity.is_sound() && output.torque.is_sound()) {
             self.raise(Fault::Unsound);
             self.controller.reset(self.encoder.total());

@@ -7,7 +7,9 @@ use crate::Scalar;
 use crate::scalar::Q16;
 
 /// A number of the control path, which travels over the link and into the flash as it is.
-pub trait Number: Scalar + Serialize + DeserializeOwned {
+pub trait Number: Scalar + Serialize + DeserializeOwned + 'static {
+    /// Whether the resolution is the same everywhere, so that units have to be chosen in which the numbers lie around 1.
+    const FIXED: bool;
     /// What a computation leaves that has failed.
     const UNSOUND: Self;
     /// Whether it is finite and, in fixed point, not at the end of its range.
@@ -19,6 +21,7 @@ pub trait Number: Scalar + Serialize + DeserializeOwned {
 }
 
 impl Number for f32 {
+    const FIXED: bool = false;
     const UNSOUND: Self = f32::NAN;
 
     #[inline]
@@ -36,6 +39,7 @@ impl Number for f32 {
 }
 
 impl Number for f64 {
+    const FIXED: bool = false;
     const UNSOUND: Self = f64::NAN;
 
     fn is_sound(self) -> bool {
@@ -50,6 +54,7 @@ impl Number for f64 {
 }
 
 impl Number for Q16 {
+    const FIXED: bool = true;
     const UNSOUND: Self = Self::MAX;
 
     #[inline]

@@ -4,6 +4,8 @@
 //! into the sector that does *not* hold the record in force, from its first word to its last, so whenever the power
 //! fails, the record in force is untouched, and the new one counts only with its checksum, which is written last.
 
+use core::ops::Range;
+
 use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use embedded_storage::nor_flash::NorFlash;
 
@@ -46,20 +48,27 @@ pub struct Places {
     pub size: u32,
 }
 
-/// What is found in a sector.
-enum Record<T> {
+/// What is found in a sector. The parameters themselves are read again where they are wanted: a board may have no room
+/// for those of two sectors at once.
+#[derive(PartialEq, Eq)]
+enum Record {
     Blank,
     Foreign,
     Damaged,
-    Whole(u32, Parameters<T>),
+    /// With this serial number.
+    Whole(u32),
 }
 
 /// Reads the parameters in force.
 pub fn load<T: Number>(flash: &mut impl NorFlash, places: Places) -> Stored<T> {
-    let records: [Record<T>; 2] = places.offsets.map(|offset| read(flash, offset));
-    let damaged = records.iter().any(|r| matches!(r, Record::Damaged));
-    match newest(&records) {
-        Some((_, _, parameters)) => Stored::Parameters(parameters),
+    let records = places.offsets.map(|offset| read::<T>(flash, offset).0);
+    let damaged = records.contains(&Record::Damaged);
+    let found = newest(&records).and_then(|(index, _)| {
+        let offset = places.offsets.get(index)?;
+        read(flash, *offset).1
+    });
+    match found {
+        Some(parameters) => Stored::Parameters(parameters),
         None if damaged => Stored::Corrupt,
         None => Stored::Nothing,
     }
@@ -71,28 +80,40 @@ pub fn save<T: Number>(
     places: Places,
     parameters: &Parameters<T>,
 ) -> Result<(), WriteFailed> {
-    let records: [Record<T>; 2] = places.offsets.map(|offset| read(flash, offset));
+    let records = places.offsets.map(|offset| read::<T>(flash, offset).0);
     let (serial, target) = match newest(&records) {
-        Some((index, serial, _)) => (serial.wrapping_add(1), 1 - index),
+        Some((index, serial)) => (serial.wrapping_add(1), 1 - index),
         None => (0, 0),
     };
     let offset = *places.offsets.get(target).ok_or(WriteFailed)?;
     let end = offset.checked_add(places.size).ok_or(WriteFailed)?;
     flash.erase(offset, end).map_err(|_| WriteFailed)?;
-    let record = encode(serial, parameters).ok_or(WriteFailed)?;
-    for (place, word) in (offset..end).step_by(4).zip(record.chunks_exact(4)) {
-        flash.write(place, word).map_err(|_| WriteFailed)?;
-    }
+    write(flash, offset..end, serial, parameters)?;
     match read(flash, offset) {
-        Record::Whole(found, back) if found == serial && back == *parameters => Ok(()),
+        (Record::Whole(found), Some(back)) if found == serial && back == *parameters => Ok(()),
         _ => Err(WriteFailed),
     }
 }
 
-/// The newer whole record with its sector and serial number. Serial numbers wrap, and the two differ by one.
-fn newest<T: Number>(records: &[Record<T>; 2]) -> Option<(usize, u32, Parameters<T>)> {
+/// Writes a record from its first word to its last.
+#[inline(never)]
+fn write<T: Number>(
+    flash: &mut impl NorFlash,
+    places: Range<u32>,
+    serial: u32,
+    parameters: &Parameters<T>,
+) -> Result<(), WriteFailed> {
+    let record = encode(serial, parameters).ok_or(WriteFailed)?;
+    for (place, word) in places.step_by(4).zip(record.chunks_exact(4)) {
+        flash.write(place, word).map_err(|_| WriteFailed)?;
+    }
+    Ok(())
+}
+
+/// The sector and the serial number of the newer whole record. Serial numbers wrap, and the two differ by one.
+fn newest(records: &[Record; 2]) -> Option<(usize, u32)> {
     let whole = |index: usize| match records[index] {
-        Record::Whole(serial, parameters) => Some((index, serial, parameters)),
+        Record::Whole(serial) => Some((index, serial)),
         _ => None,
     };
     match (whole(0), whole(1)) {
@@ -113,19 +134,21 @@ fn encode<T: Number>(serial: u32, parameters: &Parameters<T>) -> Option<[u8; BYT
     Some(bytes)
 }
 
-fn read<T: Number>(flash: &mut impl NorFlash, offset: u32) -> Record<T> {
+/// What a sector holds, with the parameters if it is whole.
+#[inline(never)]
+fn read<T: Number>(flash: &mut impl NorFlash, offset: u32) -> (Record, Option<Parameters<T>>) {
     let mut bytes = [0; BYTES];
     if flash.read(offset, &mut bytes).is_err() {
-        return Record::Damaged;
+        return (Record::Damaged, None);
     }
     if bytes.iter().all(|b| *b == 0xFF) {
-        return Record::Blank;
+        return (Record::Blank, None);
     }
-    decode(&bytes).unwrap_or(Record::Damaged)
+    decode(&bytes).unwrap_or((Record::Damaged, None))
 }
 
 /// What a record's bytes hold; `None` if they are damaged.
-fn decode<T: Number>(bytes: &[u8; BYTES]) -> Option<Record<T>> {
+fn decode<T: Number>(bytes: &[u8; BYTES]) -> Option<(Record, Option<Parameters<T>>)> {
     let (content, checksum) = bytes.split_last_chunk::<4>()?;
     if self::checksum(content) != u32::from_le_bytes(*checksum) {
         return None;
@@ -133,11 +156,11 @@ fn decode<T: Number>(bytes: &[u8; BYTES]) -> Option<Record<T>> {
     let (version, rest) = content.split_first_chunk::<4>()?;
     let (serial, body) = rest.split_first_chunk::<4>()?;
     if u32::from_le_bytes(*version) != VERSION {
-        return Some(Record::Foreign);
+        return Some((Record::Foreign, None));
     }
     let parameters: Parameters<T> = postcard::from_bytes(body).ok()?;
-    let whole = Record::Whole(u32::from_le_bytes(*serial), parameters);
-    parameters.is_valid().then_some(whole)
+    let whole = Record::Whole(u32::from_le_bytes(*serial));
+    parameters.is_valid().then_some((whole, Some(parameters)))
 }
 
 #[cfg(test)]

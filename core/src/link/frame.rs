@@ -38,8 +38,15 @@ pub enum Damage {
 ///
 /// Fails with [`Damage::TooLong`] for a message larger than any request or response; those always fit.
 pub fn encode<T: Serialize>(message: &T) -> Result<Frame, Damage> {
-    let mut body = [0; BODY_CAPACITY];
-    let length = postcard::to_slice(message, &mut body[..MESSAGE_CAPACITY])
+    encode_short(message)
+}
+
+/// The same for a message whose frame is known to have at most `N` bytes, where memory is scarce.
+pub fn encode_short<T: Serialize, const N: usize>(message: &T) -> Result<Vec<u8, N>, Damage> {
+    let mut body = [0; N];
+    let room = body.get_mut(..N.min(MESSAGE_CAPACITY));
+    let room = room.ok_or(Damage::TooLong)?;
+    let length = postcard::to_slice(message, room)
         .map_err(|_| Damage::TooLong)?
         .len();
     // Lengths are looked up and not indexed with: the control task of an emulated board encodes, and may not panic.
@@ -49,21 +56,19 @@ pub fn encode<T: Serialize>(message: &T) -> Result<Frame, Damage> {
     let whole = body.get(..length + CHECKSUM_BYTES);
     let whole = whole.ok_or(Damage::TooLong)?;
 
-    let mut frame = Frame::new();
-    frame
-        .resize_default(FRAME_CAPACITY)
-        .map_err(|_| Damage::TooLong)?;
+    let mut frame = Vec::new();
+    frame.resize_default(N).map_err(|_| Damage::TooLong)?;
     let stuffed = cobs::try_encode(whole, &mut frame).map_err(|_| Damage::TooLong)?;
     frame.truncate(stuffed);
     frame.push(DELIMITER).map_err(|_| Damage::TooLong)?;
     Ok(frame)
 }
 
-/// Turns the bytes between two delimiters back into a message.
+/// Turns the bytes between two delimiters back into a message. Works in their place, and leaves nothing of use there.
 ///
 /// Fails with [`Damage::Corrupt`] unless the frame is whole and holds exactly one message.
-pub fn decode<T: DeserializeOwned>(mut frame: Frame) -> Result<T, Damage> {
-    let length = cobs::decode_in_place(&mut frame).map_err(|_| Damage::Corrupt)?;
+pub fn decode<T: DeserializeOwned>(frame: &mut [u8]) -> Result<T, Damage> {
+    let length = cobs::decode_in_place(frame).map_err(|_| Damage::Corrupt)?;
     let (message, checksum) = frame
         .get(..length)
         .and_then(<[u8]>::split_last_chunk::<CHECKSUM_BYTES>)
@@ -85,6 +90,8 @@ pub fn decode<T: DeserializeOwned>(mut frame: Frame) -> Result<T, Damage> {
 pub struct Deframer {
     frame: Frame,
     overflowed: bool,
+    /// The frame was handed out.
+    complete: bool,
 }
 
 impl Deframer {
@@ -93,32 +100,38 @@ impl Deframer {
         Self {
             frame: Frame::new(),
             overflowed: false,
+            complete: false,
         }
     }
 
-    /// Takes the next byte; returns a frame when this byte completes one.
+    /// Takes the next byte; returns a frame when this byte completes one, in the place where it was gathered.
     ///
     /// Empty frames are skipped without a word: a sender may put a delimiter in front of a frame to end
     /// whatever noise the line carried before. A frame that is too long is dropped to its end and reported once.
-    pub fn push(&mut self, byte: u8) -> Option<Result<Frame, Damage>> {
+    pub fn push(&mut self, byte: u8) -> Option<Result<&mut [u8], Damage>> {
+        if core::mem::take(&mut self.complete) {
+            self.frame.clear();
+        }
         if byte != DELIMITER {
             self.overflowed |= self.frame.push(byte).is_err();
             return None;
         }
-        let frame = core::mem::take(&mut self.frame);
+        self.complete = true;
         if core::mem::take(&mut self.overflowed) {
             Some(Err(Damage::TooLong))
-        } else if frame.is_empty() {
+        } else if self.frame.is_empty() {
             None
         } else {
-            Some(Ok(frame))
+            Some(Ok(&mut self.frame))
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{CHECKSUM, Damage, Deframer, Frame, decode, encode};
+    use serde::de::DeserializeOwned;
+
+    use super::{CHECKSUM, Damage, Deframer, decode, encode, encode_short};
     use crate::control::SetPoint;
     use crate::drive::recorder::{Order, Trigger};
     use crate::drive::signal::{Selection, Signal};
@@ -127,9 +140,11 @@ mod tests {
     use crate::link::{Answer, CHUNK, Command, Packet, Report};
     use crate::scalar::Q16;
 
-    fn frames(bytes: &[u8]) -> std::vec::Vec<Result<Frame, Damage>> {
+    /// What the frames in some bytes hold.
+    fn messages<T: DeserializeOwned>(bytes: &[u8]) -> std::vec::Vec<Result<T, Damage>> {
         let mut deframer = Deframer::new();
-        bytes.iter().filter_map(|&b| deframer.push(b)).collect()
+        let decoded = |&byte: &u8| Some(deframer.push(byte)?.and_then(decode));
+        bytes.iter().filter_map(decoded).collect()
     }
 
     fn packet(command: Command<f32>) -> Packet<f32> {
@@ -166,10 +181,8 @@ mod tests {
             Command::Set(Parameters::harmless()),
             Command::Record(order),
         ] {
-            let decoded = frames(&encode(&packet(command.clone())).unwrap())
-                .remove(0)
-                .and_then(decode);
-            assert_eq!(decoded, Ok(packet(command)));
+            let bytes = encode(&packet(command.clone())).unwrap();
+            assert_eq!(messages(&bytes), [Ok(packet(command))]);
         }
     }
 
@@ -270,6 +283,15 @@ mod tests {
         fits(f32::from_bits(0x3F80_0101));
         fits(Q16::MIN);
         assert_eq!(encode(&[[1_u8; 32]; 32]), Err(Damage::TooLong));
+        let enable = packet(Command::Enable);
+        let long = encode(&enable).unwrap();
+        assert_eq!(*encode_short::<_, 8>(&enable).unwrap(), *long);
+        for short in [
+            encode_short::<_, 2>(&enable).err(),
+            encode_short::<_, 5>(&enable).err(),
+        ] {
+            assert_eq!(short, Some(Damage::TooLong));
+        }
     }
 
     #[test]
@@ -278,18 +300,17 @@ mod tests {
         for bit in 0..8 * (clean.len() - 1) {
             let mut damaged = clean.clone();
             damaged[bit / 8] ^= 1 << (bit % 8);
-            for frame in frames(&damaged) {
-                assert_eq!(frame.and_then(decode::<Packet<f32>>), Err(Damage::Corrupt));
+            for message in messages::<Packet<f32>>(&damaged) {
+                assert_eq!(message, Err(Damage::Corrupt));
             }
         }
     }
 
     #[test]
     fn lone_delimiters_and_trailing_bytes() {
-        assert!(frames(&[0, 0, 0]).is_empty());
+        assert!(messages::<Packet<f32>>(&[0, 0, 0]).is_empty());
         // Whole, with a right checksum, but more than one message.
         let two = encode(&(packet(Command::Hello), 7_u8)).unwrap();
-        let decoded = frames(&two).remove(0).and_then(decode::<Packet<f32>>);
-        assert_eq!(decoded, Err(Damage::Corrupt));
+        assert_eq!(messages::<Packet<f32>>(&two), [Err(Damage::Corrupt)]);
     }
 }

@@ -28,7 +28,7 @@ mod message;
 mod receiver;
 mod server;
 
-pub use frame::{Damage, Deframer, FRAME_CAPACITY, Frame, decode, encode};
+pub use frame::{Damage, Deframer, FRAME_CAPACITY, Frame, decode, encode, encode_short};
 pub use message::{
     Answer, Board, CHUNK, Command, Counters, Hello, Injection, Numbers, PROTOCOL_VERSION, Packet,
     Report,
