@@ -5,19 +5,24 @@
 #![cfg(unix)]
 
 mod emulator;
+mod fixed_point;
+
+use std::path::Path;
 
 use bristle::emulate::{
     self, Board, Driver, Launch, Machine, OnHost, Outcome, Period, Plan, Sensors, Setup, Transport,
 };
 use bristle::flash;
+use bristle::image;
 use bristle::model::Model;
 use bristle::plant;
-use bristle::tune::Wish;
+use bristle::tune::{self, Wish};
 use bristle_core::control::SetPoint;
 use bristle_core::drive::recorder::{Order, Trigger};
 use bristle_core::drive::signal::{Selection, Signal};
 use bristle_core::drive::store::checksum;
-use bristle_core::drive::{Fault, Parameters, Refusal, Sample, State};
+use bristle_core::drive::{Fault, Number, Parameters, Refusal, Sample, State};
+use bristle_core::friction::Units;
 use bristle_core::link::{Answer, Command, Counters, Deframer, Injection, Packet, Report, decode};
 use emulator::{Calls, booted, images, runnable_images};
 use object::{Object, ObjectSection, ObjectSymbol, SectionFlags, SectionKind, elf};
@@ -66,7 +71,7 @@ fn running(transport: Transport, parameters: Parameters<f32>) -> Option<Board<f3
 }
 
 /// Position control along a sum of two sines.
-fn plan(samples: usize) -> Plan<f32> {
+fn plan<T: Number>(samples: usize, units: &Units) -> Plan<T> {
     let t: Vec<f64> = (0..samples).map(|k| k as f64 * 1e-3).collect();
     let reference = |t: f64| {
         let (a, b) = (2.0 * t, 11.0 * t);
@@ -76,7 +81,7 @@ fn plan(samples: usize) -> Plan<f32> {
     };
     let set_point = |t: &f64| {
         let (q, rates) = reference(*t);
-        emulate::position(q, rates, SENSORS.count)
+        emulate::position(q, rates, SENSORS.count, units)
     };
     Plan {
         set_points: t.iter().map(set_point).collect(),
@@ -89,13 +94,13 @@ fn plan(samples: usize) -> Plan<f32> {
 
 fn run(driver: &mut dyn Driver<f32>, samples: usize) -> Outcome<f32> {
     let mut plant = plant::new(&model()).expect("a plant");
-    emulate::run(driver, plant.as_mut(), &plan(samples)).expect("a run")
+    emulate::run(driver, plant.as_mut(), &plan(samples, &tune::SI)).expect("a run")
 }
 
 /// Asserts that two runs are the same bits, period by period.
-fn assert_same(board: &Outcome<f32>, host: &Outcome<f32>) {
+fn assert_same<T: Number>(board: &Outcome<T>, host: &Outcome<T>) {
     for (k, (b, h)) in board.periods.iter().zip(&host.periods).enumerate() {
-        let same = b.input.to_bits() == h.input.to_bits();
+        let same = b.input.to_word() == h.input.to_word();
         assert!(
             same && b.bridge == h.bridge && b.faults == h.faults,
             "{k}: {b:?}, {h:?}"
@@ -198,8 +203,8 @@ const HEALTHY: Sample = Sample {
 };
 
 /// One period with a set point that asks for half of the input.
-fn healthy(board: &mut Board<f32>) -> Period<f32> {
-    let period = board.period(Some(SetPoint::Command(0.5)), HEALTHY);
+fn healthy<T: Number>(board: &mut Board<T>) -> Period<T> {
+    let period = board.period(Some(SetPoint::Command(T::ONE.half())), HEALTHY);
     period.expect("an answer")
 }
 
@@ -416,7 +421,9 @@ fn the_commands_give_the_same_bytes_with_and_without_the_emulator() {
         assert_eq!(status, Some(0), "{said}");
         std::fs::read_to_string(folder.path().join(out)).expect("it was written")
     };
-    let json = ["--image", image, "--json", "run.json"];
+    let json = [
+        "--image", image, "--json", "run.json", "--report", "run.html",
+    ];
     let emulated = run("emulate", "emulated.csv", &json);
     assert_eq!(emulated, run("emulate", "again.csv", &["--image", image]));
     assert_eq!(emulated, run("emulate", "host.csv", &["--on-host"]));
@@ -424,6 +431,8 @@ fn the_commands_give_the_same_bytes_with_and_without_the_emulator() {
     assert_eq!(emulated.lines().next(), Some("t[s],u[N*m],q[rad]"));
     assert_eq!(emulated.lines().count(), 3001);
     let report = std::fs::read_to_string(folder.path().join("run.json")).expect("a report");
+    let page = std::fs::read_to_string(folder.path().join("run.html")).expect("a page");
+    assert!(page.contains("A run in the emulator") && page.contains("in single precision"));
     let report: serde_json::Value = serde_json::from_str(&report).expect("JSON");
     assert_eq!(
         (&report["samples"], &report["trip"]),
@@ -615,7 +624,7 @@ fn the_board_runs_the_image_that_was_built() {
     };
     // The one that `bristle flash` puts onto a board, as the flash then holds it.
     let path = &runnable_images().expect("it runs").firmware;
-    let image = flash::Image::read(path, &flash::ALL[0]).expect("an image for the board");
+    let image = flash::Image::read(path, &image::F405).expect("an image for the board");
     let hello = board.hello().expect("it has greeted");
     assert_eq!(hello.build, checksum(&image.bytes));
 }
@@ -654,6 +663,10 @@ const PANICS: [&str; 5] = [
     "_fail",
 ];
 
+fn leads_to_panic(name: &str) -> bool {
+    PANICS.iter().any(|part| name.contains(part))
+}
+
 /// The double-precision routines of the compiler's library (ARM RTABI 4.1.2), which a processor for single precision
 /// needs a hundred instructions for.
 fn is_double(name: &str) -> bool {
@@ -675,10 +688,7 @@ fn the_control_task_cannot_panic_and_nothing_computes_in_double_precision() {
         reached.len()
     );
     assert!(reached.len() > 2, "{reached:?}");
-    let panics: Vec<_> = reached
-        .iter()
-        .filter(|name| PANICS.iter().any(|part| name.contains(part)))
-        .collect();
+    let panics: Vec<_> = reached.iter().filter(|n| leads_to_panic(n)).collect();
     assert!(panics.is_empty(), "{panics:?}");
     let doubles: Vec<&str> = image
         .symbols()
@@ -707,26 +717,87 @@ fn a_control_period_fits_its_budget_of_instructions() {
     let Some(images) = runnable_images() else {
         return;
     };
+    count_instructions(&images.cost, "");
+    count_instructions(&images.stages, "");
+}
+
+/// Runs an image that prints a line `stage median most` for each stage, and compares with the budgets of that prefix.
+fn count_instructions(image: &Path, prefix: &str) {
     let output = std::process::Command::new(emulate::QEMU)
         .args(["-M", Launch::F405.machine, "-nographic", "-monitor", "none"])
         .args(["-serial", "null", "-icount", "shift=0"])
         .args(["-semihosting-config", "enable=on,target=native", "-kernel"])
-        .arg(&images.cost)
+        .arg(image)
         .output()
         .expect("the emulator runs");
     assert!(output.status.success(), "{output:?}");
     let text = String::from_utf8(output.stdout).expect("text");
     let stages: Vec<Vec<&str>> = text.lines().map(|l| l.split(' ').collect()).collect();
-    assert_eq!(stages.len(), 2, "{text}");
+    assert!(!stages.is_empty(), "{text}");
     for stage in stages {
         let [name, median, most] = stage[..] else {
             panic!("{text}")
         };
         for (what, count) in [("median", median), ("most", most)] {
             let count = count.parse().expect("a count");
-            within_budget(&format!("{name}_instructions_{what}"), count);
+            within_budget(&format!("{prefix}{name}_instructions_{what}"), count);
         }
     }
+}
+
+/// On both boards, in the image that has a log. The others hold no trace of it.
+#[cfg(feature = "log")]
+#[test]
+fn the_log_tells_what_happened_and_in_which_period() {
+    if runnable_images().is_none() {
+        return;
+    }
+    let directory = Path::new(env!("CARGO_TARGET_TMPDIR")).join("logging");
+    for (target, launch) in [(image::F405, Launch::F405), (image::F100, Launch::F100)] {
+        let image = image::build(target, Some(&directory), true).expect("the firmware builds");
+        let launch = Launch {
+            logged: true,
+            ..launch
+        };
+        let text = if target == image::F405 {
+            logged::<f32>(&image, launch, parameters())
+        } else {
+            logged(&image, launch, fixed_point::parameters())
+        };
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(
+            lines,
+            [
+                "0 info started in the emulator",
+                "1 info the drive is running",
+                "6 error fault 7: gate-driver",
+                "6 info the drive is faulted",
+                "6 warn packet 14 refused: faults are latched",
+                "6 info parameters stored",
+            ],
+        );
+    }
+}
+
+/// What a board logs in six periods, of which the last brings a fault.
+#[cfg(feature = "log")]
+fn logged<T: Number>(image: &Path, launch: Launch, parameters: Parameters<T>) -> String {
+    let mut board = Board::boot(image, launch, Transport::Fast).expect("the board greets");
+    board
+        .tell(Command::Set(parameters))
+        .expect("valid parameters");
+    board.tell(Command::Enable).expect("nothing is wrong");
+    assert!((0..5).all(|_| healthy(&mut board).bridge));
+    let sample = Sample {
+        gate_fault: true,
+        ..HEALTHY
+    };
+    assert!(!board.period(None, sample).expect("an answer").bridge);
+    let refused = board.ask(Command::Enable).expect("an answer");
+    assert_eq!(refused, Answer::Refused(Refusal::Faulted));
+    board.tell(Command::Store).expect("they are stored");
+    let frames = board.machine().take_log();
+    emulate::decode(image, &frames).expect("a log")
 }
 
 /// Everything that uses the stack at once: closed loop and recording by the port's interrupt, telemetry, commands with the

@@ -43,13 +43,11 @@ unsafe fn HardFault(_: &ExceptionFrame) -> ! {
     stop(HARD_FAULT_STATUS)
 }
 
-// SAFETY: as above. The clock security system raises this when the crystal stops (7.2.7); the timer's break has turned the
-// outputs off in hardware, and the control task finds the clock on the internal oscillator and raises the fault.
+// SAFETY: as above.
 #[allow(unsafe_code)]
 #[exception]
 unsafe fn NonMaskableInt() {
-    board::enter_safe_state();
-    board::odrive_v3::acknowledge_clock_failure();
+    board::non_maskable();
 }
 
 // SAFETY: as above; it never returns to the code that it interrupted.

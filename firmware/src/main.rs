@@ -1,4 +1,4 @@
-//! The motor driver: one image for the board and for the emulator.
+//! The motor driver: one image for the board and for the emulator, on a chip with a floating-point unit.
 //!
 //! | priority | task | what it does |
 //! | --- | --- | --- |
@@ -23,7 +23,7 @@
 #[cfg(not(target_os = "none"))]
 fn main() {}
 
-#[cfg(target_os = "none")]
+#[cfg(all(target_os = "none", target_abi = "eabihf"))]
 #[rtic::app(device = bristle_firmware::board::device, dispatchers = [SPI1, SPI2])]
 mod app {
     use core::mem::MaybeUninit;
@@ -35,12 +35,16 @@ mod app {
     };
     use bristle_firmware::board::device::Interrupt;
     use bristle_firmware::board::emulated::{self, Persistent};
-    use bristle_firmware::board::{Board, Hardware, Serial, Storage};
+    use bristle_firmware::board::{BLOCK, Board, Hardware, Serial, Storage};
     use bristle_firmware::fault;
-    use bristle_firmware::inlet::{BACKLOG, Inlet};
+    use bristle_firmware::inlet;
+    use bristle_firmware::log;
     use bristle_firmware::outbox::{Outbox, Postbox, WAITING};
     use bristle_firmware::stack;
     use rtic_sync::channel::{Channel, Receiver, Sender};
+
+    /// Commands that wait to be served.
+    const BACKLOG: usize = 3;
 
     /// Words in the recording ring: 10 s of two signals at 1 kHz, and some.
     const RING: usize = 22_528;
@@ -78,9 +82,11 @@ mod app {
         port: Serial,
         due: Sender<'static, Due, SNAPSHOTS>,
         number: u16,
+        watch: log::Watch,
         verify: Sender<'static, Chore, BACKLOG>,
-        from_port: Inlet,
-        from_input: Inlet,
+        from_port: Sender<'static, Packet<f32>, BACKLOG>,
+        from_input: Sender<'static, Packet<f32>, BACKLOG>,
+        emulated: bool,
         fast: bool,
     }
 
@@ -97,6 +103,7 @@ mod app {
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
         stack::paint();
+        log::start();
         let (due, snapshots) = cx.local.telemetry.split();
         let (packet, packets) = cx.local.inbound.split();
         let (chore, chores) = cx.local.chores.split();
@@ -114,6 +121,7 @@ mod app {
         let _ = stream::spawn(snapshots, postbox.another());
         let _ = keep::spawn(chores, board.storage, postbox.another());
         let emulated = board.hardware.is_none();
+        log::started(emulated);
         let shared = Shared {
             drive,
             mailbox: Mailbox::new(),
@@ -128,9 +136,11 @@ mod app {
             port: board.port,
             due,
             number: 0,
+            watch: log::Watch::new(),
             verify: chore,
-            from_port: Inlet::new(packet.clone(), emulated),
-            from_input: Inlet::new(packet, emulated),
+            from_port: packet.clone(),
+            from_input: packet,
+            emulated,
             fast: board.fast,
         };
         (shared, local)
@@ -143,7 +153,7 @@ mod app {
     /// Sleeps. With the fast transport it moves the bytes, as no interrupt tells of standard input.
     #[idle(local = [fast, from_input], shared = [mailbox, receiver, outbox])]
     fn idle(mut cx: idle::Context) -> ! {
-        let mut buffer = [0; 512];
+        let mut buffer = [0; BLOCK];
         loop {
             if !*cx.local.fast {
                 rtic::export::wfi();
@@ -153,20 +163,22 @@ mod app {
                 emulated::write(&frame);
             }
             let bytes = emulated::read(&mut buffer).iter().copied();
-            cx.local
-                .from_input
-                .take(bytes, &mut cx.shared.receiver, &mut cx.shared.mailbox);
+            let (receiver, mailbox) = (&mut cx.shared.receiver, &mut cx.shared.mailbox);
+            inlet::take(bytes, receiver, mailbox, true, |packet| {
+                cx.local.from_input.try_send(packet).is_ok()
+            });
         }
     }
 
     /// Moves bytes between the port and the frames.
-    #[task(binds = UART4, priority = 3, local = [port, from_port], shared = [mailbox, receiver, outbox])]
+    #[task(binds = UART4, priority = 3, local = [port, from_port, emulated], shared = [mailbox, receiver, outbox])]
     fn serial(mut cx: serial::Context) {
         let port = cx.local.port;
         let bytes = core::iter::from_fn(|| port.read());
-        cx.local
-            .from_port
-            .take(bytes, &mut cx.shared.receiver, &mut cx.shared.mailbox);
+        let (receiver, mailbox) = (&mut cx.shared.receiver, &mut cx.shared.mailbox);
+        inlet::take(bytes, receiver, mailbox, *cx.local.emulated, |packet| {
+            cx.local.from_port.try_send(packet).is_ok()
+        });
         cx.shared.outbox.lock(|outbox| {
             while port.can_write()
                 && let Some(byte) = outbox.take_byte()
@@ -178,7 +190,7 @@ mod app {
     }
 
     /// A control period.
-    #[task(binds = ADC, priority = 5, local = [hardware, due, verify, number], shared = [drive, mailbox])]
+    #[task(binds = ADC, priority = 5, local = [hardware, due, verify, number, watch], shared = [drive, mailbox])]
     fn control(cx: control::Context) {
         let (mut drive, mut mailbox) = (cx.shared.drive, cx.shared.mailbox);
         let hardware = cx.local.hardware;
@@ -187,6 +199,7 @@ mod app {
         drive.lock(|drive| {
             let actuation = drive.step(&sample, &news);
             hardware.actuate(drive, &actuation);
+            cx.local.watch.look(drive);
             if let Some(selection) = drive.due() {
                 *cx.local.number = cx.local.number.wrapping_add(1);
                 // A line that is busy shows as a gap in the numbers.
@@ -223,6 +236,9 @@ mod app {
                 .shared
                 .drive
                 .lock(|drive| link::serve(drive, counters, &command));
+            if let Reaction::Answer(Answer::Refused(why)) = reaction {
+                log::refused(sequence, why);
+            }
             let report = match reaction {
                 Reaction::Answer(answer) => Report::Answer {
                     to: sequence,
@@ -282,7 +298,9 @@ mod app {
                 }
                 Chore::Store(to) => {
                     let parameters = cx.shared.drive.lock(|drive| *drive.parameters());
-                    (to, storage.save(&parameters))
+                    let answer = storage.save(&parameters);
+                    log::stored(answer == Answer::Done);
+                    (to, answer)
                 }
             };
             let report = Report::<f32>::Answer { to, answer };

@@ -10,18 +10,48 @@ use crate::error::{Error, Result};
 pub struct Target {
     /// Rust's name of it.
     pub triple: &'static str,
-    /// The package.
-    pub package: &'static str,
+    /// The program.
+    pub program: &'static str,
+    /// The command of cargo that builds it alone.
+    pub alias: &'static str,
+    /// The chip's name.
+    pub chip: &'static str,
+    /// Where the flash begins.
+    pub flash: u32,
+    /// Bytes of it for the image; what lies behind holds the parameters.
+    pub room: u32,
+    /// First and last address that the stack may begin at.
+    pub stack: (u32, u32),
 }
+
+/// The package of all programs.
+const PACKAGE: &str = "bristle-firmware";
 
 /// The STM32F405, with a floating-point unit.
 pub const F405: Target = Target {
     triple: "thumbv7em-none-eabihf",
-    package: "bristle-firmware",
+    program: "bristle-firmware",
+    alias: "firmware",
+    chip: "the STM32F405",
+    flash: 0x0800_0000,
+    // Sectors 10 and 11 hold the parameters.
+    room: 0x000C_0000,
+    stack: (0x2000_0000, 0x2002_0000),
 };
 
-/// Builds the image with cargo, into `directory` or where cargo puts it.
-pub fn build(target: Target, directory: Option<&Path>) -> Result<PathBuf> {
+/// The STM32F100, without one.
+pub const F100: Target = Target {
+    triple: "thumbv7m-none-eabi",
+    program: "bristle-vldiscovery",
+    alias: "vldiscovery",
+    chip: "the STM32F100",
+    flash: 0x0800_0000,
+    room: 0x0002_0000,
+    stack: (0x2000_0000, 0x2000_2000),
+};
+
+/// Builds the image with cargo, into `directory` or where cargo puts it, with or without a log.
+pub fn build(target: Target, directory: Option<&Path>, log: bool) -> Result<PathBuf> {
     let workspace = Path::new(env!("CARGO_MANIFEST_DIR"))
         .parent()
         .filter(|workspace| workspace.join("firmware").is_dir())
@@ -33,7 +63,9 @@ pub fn build(target: Target, directory: Option<&Path>) -> Result<PathBuf> {
     let directory = directory.map_or_else(|| workspace.join("target"), Path::to_owned);
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let output = Command::new(cargo)
-        .args(["build", "--package", target.package, "--bins", "--examples"])
+        .args(["build", "--package", PACKAGE, "--bin", target.program])
+        .arg("--examples")
+        .args(if log { &["--features", "log"][..] } else { &[] })
         .args(["--profile", "firmware", "--target", target.triple])
         .arg("--target-dir")
         .arg(&directory)
@@ -58,5 +90,5 @@ pub fn build(target: Target, directory: Option<&Path>) -> Result<PathBuf> {
         )));
     }
     let folder = directory.join(target.triple).join("firmware");
-    Ok(folder.join(target.package))
+    Ok(folder.join(target.program))
 }

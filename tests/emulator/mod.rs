@@ -12,6 +12,7 @@ use std::sync::OnceLock;
 use bristle::emulate::{Board, Launch, QEMU, Transport};
 use bristle::image::{self, Target};
 use bristle_core::drive::Number;
+use bristle_core::scalar::Q16;
 
 /// The compiled firmware of the STM32F405.
 pub struct Images {
@@ -21,8 +22,20 @@ pub struct Images {
     pub panic: PathBuf,
     /// Counts the instructions of a control period.
     pub cost: PathBuf,
+    /// Counts those of its stages.
+    pub stages: PathBuf,
     /// Executes an undefined instruction at once.
     pub hard_fault: PathBuf,
+}
+
+/// The compiled firmware of the STM32F100.
+pub struct FixedImages {
+    /// The application.
+    pub firmware: PathBuf,
+    /// Counts the instructions of a control period.
+    pub cost: PathBuf,
+    /// Counts those of its stages.
+    pub stages: PathBuf,
 }
 
 /// The images; `None`, with a message, on a machine that cannot build them.
@@ -35,6 +48,22 @@ pub fn images() -> Option<&'static Images> {
             panic: example("panic"),
             hard_fault: example("hard_fault"),
             cost: example("cost"),
+            stages: example("stages"),
+            firmware,
+        })
+    });
+    images.as_ref()
+}
+
+/// The images without floating point; `None`, with a message, on a machine that cannot build them.
+pub fn fixed_images() -> Option<&'static FixedImages> {
+    static IMAGES: OnceLock<Option<FixedImages>> = OnceLock::new();
+    let images = IMAGES.get_or_init(|| {
+        let firmware = built(image::F100)?;
+        let example = |name: &str| firmware.with_file_name("examples").join(name);
+        Some(FixedImages {
+            cost: example("cost"),
+            stages: example("stages"),
             firmware,
         })
     });
@@ -48,20 +77,34 @@ fn built(target: Target) -> Option<PathBuf> {
     }
     // A directory of its own: the outer cargo may hold the lock of the usual one.
     let directory = Path::new(env!("CARGO_TARGET_TMPDIR")).join("firmware");
-    Some(image::build(target, Some(&directory)).expect("the firmware builds"))
+    Some(image::build(target, Some(&directory), false).expect("the firmware builds"))
 }
 
 /// The images, on a machine that can also run them.
 pub fn runnable_images() -> Option<&'static Images> {
+    runnable().then(images).flatten()
+}
+
+/// The images without floating point, likewise.
+pub fn runnable_fixed_images() -> Option<&'static FixedImages> {
+    runnable().then(fixed_images).flatten()
+}
+
+fn runnable() -> bool {
     static RUNNABLE: OnceLock<bool> = OnceLock::new();
-    let runnable = *RUNNABLE.get_or_init(qemu_is_installed);
-    runnable.then(images).flatten()
+    *RUNNABLE.get_or_init(qemu_is_installed)
 }
 
 /// A board that has greeted; `None` on a machine without emulator or target.
 pub fn booted<T: Number>(transport: Transport) -> Option<Board<T>> {
     let image = &runnable_images()?.firmware;
     Some(Board::boot(image, Launch::F405, transport).expect("the board greets"))
+}
+
+/// A board in fixed point, likewise.
+pub fn booted_fixed(transport: Transport) -> Option<Board<Q16>> {
+    let image = &runnable_fixed_images()?.firmware;
+    Some(Board::boot(image, Launch::F100, transport).expect("the board greets"))
 }
 
 fn target_is_installed(triple: &str) -> bool {

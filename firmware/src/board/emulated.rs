@@ -1,8 +1,8 @@
-//! QEMU's model of the STM32F405: what takes the place of hardware that it lacks.
+//! QEMU's models of the chips: what takes the place of hardware that they lack.
 
 use core::mem::MaybeUninit;
 
-use bristle_core::drive::store::Places;
+use bristle_core::drive::store::{self, Places};
 use bristle_core::link::Injection;
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
@@ -11,7 +11,7 @@ use semihosting::io::{Read, Write, stdin, stdout};
 
 use super::device::{DBGMCU, RCC};
 
-/// The frequency that the UART is set up for; its model ignores it.
+/// The frequency that the serial port is set up for; its model ignores it.
 pub const CLOCK_HZ: u32 = 16_000_000;
 
 /// The argument that chooses the fast transport: frames over the emulator's standard input and output.
@@ -20,7 +20,7 @@ const FAST: &str = "fast";
 /// Whether this is QEMU's model of the chip.
 ///
 /// The model has neither clock nor debug unit and reads both as zero. A chip never does: its reset value of
-/// `RCC_CR` has the oscillator on (7.3.1), and `DBGMCU_IDCODE` names the device (38.6.1).
+/// `RCC_CR` has the oscillator on (RM0090 7.3.1, RM0041 6.3.1), and `DBGMCU_IDCODE` names the device (38.6.1, 25.6.1).
 #[allow(unsafe_code)]
 pub fn is_emulated() -> bool {
     // SAFETY: both pointers are valid for the whole run, as they are fixed addresses of the chip. The reads have no
@@ -61,7 +61,8 @@ pub struct Persistent {
 }
 
 const MAGIC: u32 = 0x4252_4953;
-const SECTOR: usize = 512;
+/// A sector holds one record and nothing else: memory is scarcer than flash.
+const SECTOR: usize = store::BYTES;
 
 /// Where the two records lie.
 pub const PLACES: Places = Places {

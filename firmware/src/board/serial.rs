@@ -1,30 +1,26 @@
-//! The link's serial port: UART4 on PA0 (TX) and PA1 (RX), the header's `GPIO 1` and `GPIO 2` of an `ODrive` v3, 8N1.
+//! The link's serial port, 8N1. Both chips have the same kind (RM0090 30, RM0041 23).
 
-use super::device::{GPIOA, RCC, UART4};
+use super::device;
 
 /// Bits a second.
 pub const BAUD: u32 = 115_200;
 
+/// `GPIO 1` and `GPIO 2` of an `ODrive` v3's header.
+#[cfg(target_abi = "eabihf")]
+type Port = device::UART4;
+/// PA9 and PA10.
+#[cfg(not(target_abi = "eabihf"))]
+type Port = device::USART1;
+
 /// The serial port. Owned by the interrupt that serves it, so no register access can race.
 pub struct Serial {
-    port: UART4,
+    port: Port,
 }
 
 impl Serial {
-    /// Connects the pins and starts the receiver, with its interrupt enabled. `clock` is the frequency of APB1, Hz.
-    pub fn new(port: UART4, gpio: &GPIOA, rcc: &RCC, clock: u32) -> Self {
-        // A peripheral answers only two cycles after its clock is enabled (errata sheet ES0182): the read of the
-        // second enable register covers the port, and the pin setup covers the UART.
-        rcc.ahb1enr().modify(|_, w| w.gpioaen().enabled());
-        rcc.apb1enr().modify(|_, w| w.uart4en().enabled());
-        // The alternate function first (8.4.9; datasheet DS8626, table 9: AF8 is UART4): the pins must not switch to
-        // one that is not yet chosen.
-        gpio.afrl().modify(|_, w| w.afrl0().af8().afrl1().af8());
-        // An open RX line must read idle and not noise.
-        gpio.pupdr().modify(|_, w| w.pupdr1().pull_up());
-        gpio.moder()
-            .modify(|_, w| w.moder0().alternate().moder1().alternate());
-
+    /// Starts a port whose pins are connected, with the receiver's interrupt enabled. `clock` is the frequency of its
+    /// bus, Hz.
+    pub fn new(port: Port, clock: u32) -> Self {
         // 30.3.4: with 16-fold oversampling the divider in sixteenths is clock/baud, here to nearest.
         let divider = (clock + BAUD / 2) / BAUD;
         port.brr().write(|w| {

@@ -217,8 +217,8 @@ impl Bench {
     }
 }
 
-/// A recording with units in its header, under the names that the model file gives its columns.
-pub(super) fn csv(record: &Record, model: &Model) -> String {
+/// The units of `u` and of the position.
+pub(super) fn units(model: &Model) -> [&'static str; 2] {
     let (torque, position) = match model.motion {
         Motion::Rotary => ("N*m", "rad"),
         Motion::Linear => ("N", "m"),
@@ -231,6 +231,12 @@ pub(super) fn csv(record: &Record, model: &Model) -> String {
         "force" => "N",
         _ => torque,
     };
+    [drive, position]
+}
+
+/// A recording with units in its header, under the names that the model file gives its columns.
+pub(super) fn csv(record: &Record, model: &Model) -> String {
+    let [drive, position] = units(model);
     let columns = [
         ("t", "s", &record.t),
         ("u", drive, &record.u),

@@ -14,6 +14,7 @@ use crate::emulate::{Board, Launch, Transport};
 use crate::error::{Error, Result};
 use crate::format::significant;
 use crate::identify::{Options, identify};
+use crate::image::F405;
 use crate::model::Model;
 use crate::recording::Recording;
 use crate::report;
@@ -33,7 +34,7 @@ struct Turned<'a> {
 
 /// Records in the emulator, diagnoses, deploys and tracks again; everything goes into a folder that exists.
 pub(super) fn run(folder: &Path, image: Option<&Path>, seed: u64) -> Outcome {
-    let image = chosen_image(image)?;
+    let image = chosen_image(image, F405, false)?;
     let mut board: Board<f32> = Board::boot(&image, Launch::F405, Transport::Fast)?;
     let at = |name: &str| folder.join(name);
     let truth = cycle::truth()?;

@@ -15,6 +15,7 @@ use super::{DONE, Outcome, terminal};
 use crate::deploy::{self, Difference, Rig};
 use crate::emulate::{Board, Launch, Setup, Transport};
 use crate::error::{Error, Result};
+use crate::image::F405;
 use crate::link::{Peer, SerialLine, Wire};
 use crate::model::Model;
 use crate::tune::{self, Drive, Wish};
@@ -105,7 +106,7 @@ impl Command {
             }
             None => {
                 self.parameters(&model, Kind::Emulated)?;
-                let image = chosen_image(self.image.as_deref())?;
+                let image = chosen_image(self.image.as_deref(), F405, false)?;
                 let mut board: Board<f32> = Board::boot(&image, Launch::F405, Transport::Fast)?;
                 self.serve(&model, &mut board, |board| board.restart().map(|()| true))
             }

@@ -6,7 +6,10 @@ use std::path::{Path, PathBuf};
 use bristle_core::control::SetPoint;
 use bristle_core::drive::recorder::{Order, Trigger};
 use bristle_core::drive::signal::{Selection, Signal};
+use bristle_core::drive::{Number, Parameters};
+use bristle_core::friction::Units;
 use bristle_core::link::Command as Request;
+use bristle_core::scalar::Q16;
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
@@ -15,14 +18,15 @@ use super::output::{self, Outputs};
 use super::{DONE, Outcome as Status, terminal};
 use crate::bench::Record;
 use crate::emulate::{
-    self, Board, Driver, Launch, OnHost, Outcome, Plan, Sensors, Setup, Transport,
+    self, Board, Driver, Launch, OnHost, Outcome, Plan, Sensors, Setup, Transport, Tuned,
 };
 use crate::error::{Error, Result};
 use crate::excite::{Excitation, Shape};
-use crate::flash::{self, Image};
-use crate::image;
+use crate::flash::Image;
+use crate::image::{self, Target};
 use crate::model::{Model, Motion};
 use crate::plant;
+use crate::report::{self, Emulation};
 use crate::tune::Wish;
 
 /// What both verbs say at the end of their long help.
@@ -30,7 +34,8 @@ const EXAMPLES: &str = "\
 Examples:
   bristle emulate --model axis.toml --excite multisine --amplitude 1 --out run.csv
   bristle emulate --model truth.toml --known model.toml --follow position --compensate \\
-      --excite chirp --amplitude 0.5 --band 0.2:2 --limit 2 --out run.csv --json run.json";
+      --excite chirp --amplitude 0.5 --band 0.2:2 --limit 2 --out run.csv --json run.json
+  bristle emulate --board stm32f100 --model axis.toml --excite multisine --amplitude 1 --out run.csv";
 
 /// Options of a run in the emulator.
 #[derive(Args, Debug)]
@@ -92,6 +97,9 @@ struct Options {
     /// How frames travel to the emulated board and back
     #[arg(long, value_name = "LINE", default_value = "fast")]
     transport: Line,
+    /// Which board
+    #[arg(long, value_name = "BOARD", default_value = "stm32f405")]
+    board: Chip,
     /// Image of the firmware [default: built from the sources by cargo]
     #[arg(long, value_name = "ELF", conflicts_with = "on_host")]
     image: Option<PathBuf>,
@@ -101,6 +109,31 @@ struct Options {
     /// Where to write the recording
     #[arg(long, value_name = "OUT.csv")]
     out: PathBuf,
+}
+
+/// Boards in the emulator.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Chip {
+    /// The motor driver's, in single precision
+    Stm32f405,
+    /// Without a floating-point unit and with 8 KB of RAM, in fixed point; it has no ring to record in
+    Stm32f100,
+}
+
+impl Chip {
+    const fn target(self) -> Target {
+        match self {
+            Self::Stm32f405 => image::F405,
+            Self::Stm32f100 => image::F100,
+        }
+    }
+
+    const fn launch(self) -> Launch<'static> {
+        match self {
+            Self::Stm32f405 => Launch::F405,
+            Self::Stm32f100 => Launch::F100,
+        }
+    }
 }
 
 /// What a test signal is followed by.
@@ -130,7 +163,12 @@ enum Line {
 /// what its bridge applies. Neither side goes on before the other has answered, so the same options give the same bytes.
 /// Writes a recording as a driver would have made it, which diagnose and identify read.
 ///
-/// Needs qemu-system-arm and, unless --image is given, cargo with the target thumbv7em-none-eabihf.
+/// With --board stm32f100 it is the image in fixed point: the parameters are sent in units, powers of two of the SI units,
+/// in which 16 bits before and 16 after the point hold them best, and the results lie within a bound of those in floating
+/// point that the tests derive.
+///
+/// Needs qemu-system-arm and, unless --image is given, cargo with the target thumbv7em-none-eabihf (stm32f405) or
+/// thumbv7m-none-eabi (stm32f100).
 #[derive(Args, Debug)]
 #[command(after_long_help = EXAMPLES)]
 pub(super) struct Emulate {
@@ -139,6 +177,13 @@ pub(super) struct Emulate {
     /// Where to write a report of the run
     #[arg(long, value_name = "OUT.json")]
     json: Option<PathBuf>,
+    /// Where to write a report of the run to look at
+    #[arg(long, value_name = "OUT.html")]
+    report: Option<PathBuf>,
+    /// Where to write what the board logs, a line each, beginning with the control period; needs a program built with
+    /// --features log
+    #[arg(long, value_name = "LOG.txt", conflicts_with = "on_host")]
+    log: Option<PathBuf>,
 }
 
 /// Make a recording by the ring in the memory of the emulated board
@@ -153,31 +198,55 @@ pub(super) struct Make {
 }
 
 /// Everything that a run needs.
-struct Prepared {
+struct Prepared<T> {
     model: Model,
     plant: Box<dyn plant::Plant>,
-    plan: Plan<f32>,
-    parameters: bristle_core::drive::Parameters<f32>,
+    plan: Plan<T>,
+    parameters: Parameters<T>,
 }
 
 impl Emulate {
     pub fn run(&self) -> Status {
         let options = &self.options;
-        options.check(&[Some(&options.out), self.json.as_ref()])?;
-        let mut prepared = options.prepare()?;
-        let (outcome, who) = if options.on_host {
+        let files = [&self.json, &self.report, &self.log].map(Option::as_ref);
+        options.check(&[&[Some(&options.out)], &files[..]].concat())?;
+        if self.log.is_some() && !cfg!(feature = "log") {
+            // Says why it cannot before the run, and not after it.
+            emulate::decode(Path::new(""), &[])?;
+        }
+        match options.board {
+            Chip::Stm32f405 => self.run_in::<f32>(),
+            Chip::Stm32f100 => self.run_in::<Q16>(),
+        }
+    }
+
+    /// The run in the numbers of the board.
+    fn run_in<T: Number>(&self) -> Status {
+        let options = &self.options;
+        let mut prepared = options.prepare::<T>()?;
+        let (outcome, who, log) = if options.on_host {
             let mut driver = OnHost::new(prepared.parameters)?;
-            (prepared.run(&mut driver)?, json!("host"))
+            (prepared.run(&mut driver)?, json!("host"), String::new())
         } else {
-            let mut board = options.board(&prepared)?;
+            let image = options.image(self.log.is_some())?;
+            let mut board = options.board(&image, &prepared, self.log.is_some())?;
             let outcome = prepared.run(&mut board)?;
-            (outcome, json!(board.hello()))
+            let log = match &self.log {
+                Some(_) => emulate::decode(&image, &board.machine().take_log())?,
+                None => String::new(),
+            };
+            (outcome, json!(board.hello()), log)
         };
         let mut outputs = Outputs::default();
         outputs.add(Some(&options.out), || {
             Ok(csv(&outcome.record, &prepared.model))
         })?;
-        outputs.add(self.json.as_ref(), || Ok(report(&outcome, &who)))?;
+        outputs.add(self.json.as_ref(), || Ok(json_report(&outcome, &who)))?;
+        outputs.add(self.report.as_ref(), || {
+            let options = &self.options;
+            report::emulation(&options.emulation(&prepared.model, &outcome))
+        })?;
+        outputs.add(self.log.as_ref(), || Ok(log))?;
         terminal::written(&outputs.write()?);
         tell(&outcome);
         Ok(DONE)
@@ -194,9 +263,15 @@ impl Make {
                     .to_owned(),
             ));
         }
-        let mut prepared = options.prepare()?;
+        if options.board == Chip::Stm32f100 {
+            return Err(Error::Usage(
+                "--board stm32f100 has no memory to record in; use bristle emulate, which records on the host"
+                    .to_owned(),
+            ));
+        }
+        let mut prepared = options.prepare::<f32>()?;
         let selection = Selection::of(&[Signal::Input, Signal::Position, Signal::Current]);
-        let mut board = options.board(&prepared)?;
+        let mut board = options.board(&options.image(false)?, &prepared, false)?;
         board.record(Order {
             selection,
             every: 1,
@@ -244,8 +319,8 @@ fn from_ring(board: &mut Board<f32>, outcome: &Outcome<f32>, count: f64) -> Resu
     })
 }
 
-impl Prepared {
-    fn run(&mut self, driver: &mut dyn Driver<f32>) -> Result<Outcome<f32>> {
+impl<T: Number> Prepared<T> {
+    fn run(&mut self, driver: &mut dyn Driver<T>) -> Result<Outcome<T>> {
         emulate::run(driver, self.plant.as_mut(), &self.plan)
     }
 }
@@ -316,7 +391,7 @@ impl Options {
         }
     }
 
-    fn prepare(&self) -> Result<Prepared> {
+    fn prepare<T: Number>(&self) -> Result<Prepared<T>> {
         let named = |path: &Path, error: Error| match error {
             Error::Usage(what) => Error::Model {
                 path: path.to_owned(),
@@ -338,9 +413,9 @@ impl Options {
             },
             compensate: self.compensate,
         };
-        let parameters = emulate::parameters(&known, &setup, &sensors);
-        let parameters = parameters.map_err(|e| named(known_path, e))?;
-        let plan = self.plan(sensors);
+        let tuned = emulate::tuned(&known, &setup, &sensors);
+        let Tuned { parameters, units } = tuned.map_err(|e| named(known_path, e))?;
+        let plan = self.plan(sensors, &units);
         Ok(Prepared {
             model,
             plant,
@@ -349,7 +424,7 @@ impl Options {
         })
     }
 
-    fn plan(&self, sensors: Sensors) -> Plan<f32> {
+    fn plan<T: Number>(&self, sensors: Sensors, units: &Units) -> Plan<T> {
         let t: Vec<f64> = (0..(self.duration * self.rate).round() as usize)
             .map(|k| k as f64 / self.rate)
             .collect();
@@ -375,12 +450,9 @@ impl Options {
             }
         };
         let set_point = |k: usize| match self.follow {
-            Follow::Input => SetPoint::Command(signal[k] as f32),
-            Follow::Velocity => SetPoint::Velocity {
-                velocity: signal[k] as f32,
-                acceleration: rates(k).0 as f32,
-            },
-            Follow::Position => emulate::position(signal[k], rates(k), sensors.count),
+            Follow::Input => SetPoint::Command(T::from_f64(signal[k])),
+            Follow::Velocity => emulate::velocity(signal[k], rates(k).0, units),
+            Follow::Position => emulate::position(signal[k], rates(k), sensors.count, units),
         };
         Plan {
             set_points: (0..t.len()).map(set_point).collect(),
@@ -395,14 +467,55 @@ impl Options {
         }
     }
 
+    /// The run as its report shows it.
+    fn emulation<'a, T>(&self, model: &'a Model, outcome: &'a Outcome<T>) -> Emulation<'a> {
+        let chip = match self.board {
+            Chip::Stm32f405 => "STM32F405, in single precision",
+            Chip::Stm32f100 => "STM32F100, in fixed point",
+        };
+        let place = if self.on_host {
+            "the drive on the host, without the emulator"
+        } else {
+            "the firmware's image in QEMU"
+        };
+        let known = self.known.as_ref().unwrap_or(&self.model);
+        let compensated = if self.compensate {
+            "with friction and effects compensated"
+        } else {
+            "nothing compensated"
+        };
+        Emulation {
+            record: &outcome.record,
+            axis: &model.name,
+            board: format!("{place}, {chip}"),
+            told: format!("{}, {compensated}", known.display()),
+            units: super::bench::units(model),
+            tracking: tracking(&outcome.record),
+            trip: trip(outcome),
+            seed: self.seed,
+        }
+    }
+
+    fn image(&self, log: bool) -> Result<PathBuf> {
+        chosen_image(self.image.as_deref(), self.board.target(), log)
+    }
+
     /// An emulated board that is set up and on.
-    fn board(&self, prepared: &Prepared) -> Result<Board<f32>> {
-        let image = chosen_image(self.image.as_deref())?;
+    fn board<T: Number>(
+        &self,
+        image: &Path,
+        prepared: &Prepared<T>,
+        logged: bool,
+    ) -> Result<Board<T>> {
         let transport = match self.transport {
             Line::Fast => Transport::Fast,
             Line::Serial => Transport::Serial,
         };
-        let mut board = Board::boot(&image, Launch::F405, transport)?;
+        let launch = Launch {
+            logged,
+            ..self.board.launch()
+        };
+        let mut board = Board::boot(image, launch, transport)?;
         board.tell(Request::Set(prepared.parameters))?;
         board.tell(Request::Enable)?;
         Ok(board)
@@ -410,16 +523,16 @@ impl Options {
 }
 
 /// The image that an option names, or one built from the sources.
-pub(super) fn chosen_image(image: Option<&Path>) -> Result<PathBuf> {
+pub(super) fn chosen_image(image: Option<&Path>, target: Target, log: bool) -> Result<PathBuf> {
     match image {
         // The emulator would run anything, and stop at it with words of its own.
-        Some(image) => Ok(Image::read(image, &flash::ALL[0])?.path),
-        None => image::build(image::F405, None),
+        Some(image) => Ok(Image::read(image, &target)?.path),
+        None => image::build(target, None, log),
     }
 }
 
 /// When the bridge went off and why, if it did.
-pub(super) fn trip(outcome: &Outcome<f32>) -> Option<(f64, Vec<&'static str>)> {
+pub(super) fn trip<T>(outcome: &Outcome<T>) -> Option<(f64, Vec<&'static str>)> {
     let at = outcome.periods.iter().position(|p| !p.faults.is_empty())?;
     let ids = outcome.periods[at].faults.iter().map(|f| f.page().id);
     Some((outcome.record.t[at], ids.collect()))
@@ -435,7 +548,7 @@ fn tracking(record: &Record) -> Option<(f64, f64)> {
     (n > 0).then(|| ((sum / n as f64).sqrt(), most))
 }
 
-fn report(outcome: &Outcome<f32>, who: &serde_json::Value) -> String {
+fn json_report<T>(outcome: &Outcome<T>, who: &serde_json::Value) -> String {
     let tracking = tracking(&outcome.record).map(|(rms, most)| json!({ "rms": rms, "max": most }));
     let trip = trip(outcome).map(|(t, faults)| json!({ "t": t, "faults": faults }));
     let most = outcome.record.u.iter().fold(0.0_f64, |m, u| m.max(u.abs()));
@@ -451,7 +564,7 @@ fn report(outcome: &Outcome<f32>, who: &serde_json::Value) -> String {
 }
 
 /// What is worth knowing about the run.
-fn tell(outcome: &Outcome<f32>) {
+fn tell<T>(outcome: &Outcome<T>) {
     if let Some((t, faults)) = trip(outcome) {
         terminal::note(&format!(
             "the board turned its bridge off at t = {t} s: {}; bristle explain tells about each",

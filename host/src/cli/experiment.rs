@@ -103,11 +103,12 @@ impl Command {
         progress: &Meter,
     ) -> crate::error::Result<Option<Vec<trials::Replayed>>> {
         use crate::emulate::{Board, Launch, Transport};
+        use crate::image::F405;
         if !self.qemu {
             return Ok(None);
         }
         progress.say("running the firmware");
-        let image = super::emulate::chosen_image(self.image.as_deref())?;
+        let image = super::emulate::chosen_image(self.image.as_deref(), F405, false)?;
         let mut board = Board::boot(&image, Launch::F405, Transport::Fast)?;
         trials::replay(campaign, &mut board).map(Some)
     }

@@ -51,10 +51,10 @@ impl Command {
             Some(path) => path.clone(),
             None => {
                 anstream::println!("Building the firmware for {} …", board.target.triple);
-                image::build(board.target, None)?
+                image::build(board.target, None, false)?
             }
         };
-        let image = Image::read(&path, board)?;
+        let image = Image::read(&path, &board.target)?;
         let plan = Plan::new(program, board, &image, self.select.as_deref())?;
         anstream::println!(
             "{}: {} bytes from {:#010x} for {}, by {}",

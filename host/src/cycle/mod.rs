@@ -17,7 +17,7 @@ use crate::error::{Error, Result};
 use crate::model::Model;
 use crate::plant;
 use crate::showcase::{AXIS, COUNTS, DISTURBANCE};
-use crate::tune::Wish;
+use crate::tune::{self, Wish};
 
 /// What the axis conceals beside its Stribeck curve.
 const UNBALANCE: &str = "[effects.gravity]
@@ -144,7 +144,7 @@ fn plan(seconds: f64, waves: &[(f64, f64)], seed: u64) -> Plan<f32> {
     };
     let set_point = |t: &f64| {
         let (q, v, a) = at(*t);
-        emulate::position(q, (v, a), sensors.count)
+        emulate::position(q, (v, a), sensors.count, &tune::SI)
     };
     Plan {
         set_points: t.iter().map(set_point).collect(),

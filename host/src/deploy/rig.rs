@@ -114,7 +114,7 @@ pub fn parameters(model: &Model, setup: &Setup, rig: &Rig) -> Result<Parameters<
         Motion::Linear => 1.0,
     };
     let sensors = rig.sensors(turn / wish.counts)?;
-    let mut found = emulate::parameters::<f32>(model, setup, &sensors)?;
+    let mut found = emulate::parameters(model, setup, &sensors)?;
     if let Some(current) = rig.current {
         let most = f64::from(found.limits.current);
         if current > most {

@@ -3,9 +3,9 @@
 use std::io::{ErrorKind, Read, Write};
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::Path;
-use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
+use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
-use std::thread::sleep;
+use std::thread::{JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
 use tempfile::TempDir;
@@ -37,6 +37,8 @@ pub struct Launch<'a> {
     pub port: usize,
     /// One nanosecond an instruction, so that a timer counts instructions.
     pub counted: bool,
+    /// Whether the log, on the error stream, is kept for [`Machine::take_log`].
+    pub logged: bool,
 }
 
 impl Launch<'_> {
@@ -45,6 +47,14 @@ impl Launch<'_> {
         machine: "netduinoplus2",
         port: 3,
         counted: false,
+        logged: false,
+    };
+    /// The STM32F100, without a floating-point unit.
+    pub const F100: Self = Launch {
+        machine: "stm32vldiscovery",
+        port: 0,
+        counted: false,
+        logged: false,
     };
 }
 
@@ -52,6 +62,7 @@ impl Launch<'_> {
 pub struct Machine {
     child: Child,
     line: Line,
+    log: Option<JoinHandle<Vec<u8>>>,
 }
 
 enum Line {
@@ -74,10 +85,23 @@ impl Machine {
         if launch.counted {
             command.args(["-icount", "shift=0"]);
         }
-        match transport {
+        if launch.logged {
+            command.stderr(Stdio::piped());
+        }
+        let mut machine = match transport {
             Transport::Fast => Self::with_pipes(command),
             Transport::Serial => Self::with_socket(command, launch.port),
-        }
+        }?;
+        machine.log = machine.child.stderr.take().map(gather);
+        Ok(machine)
+    }
+
+    /// Ends the emulation; what was logged all along, if it was kept.
+    pub fn take_log(&mut self) -> Vec<u8> {
+        // Fails only if it has ended already, which is as good.
+        let _ = self.child.kill();
+        let log = self.log.take().map(JoinHandle::join);
+        log.and_then(std::result::Result::ok).unwrap_or_default()
     }
 
     fn with_pipes(mut command: Command) -> Result<Self> {
@@ -91,7 +115,8 @@ impl Machine {
             return Err(Error::Internal("the emulator has no pipes".to_owned()));
         };
         let line = Line::Pipes(input, forward(output));
-        Ok(Self { child, line })
+        let log = None;
+        Ok(Self { child, line, log })
     }
 
     fn with_socket(mut command: Command, port: usize) -> Result<Self> {
@@ -133,7 +158,8 @@ impl Machine {
             stream,
             _directory: directory,
         };
-        Ok(Self { child, line })
+        let log = None;
+        Ok(Self { child, line, log })
     }
 
     /// Sends bytes.
@@ -208,6 +234,16 @@ fn forward(mut output: ChildStdout) -> Receiver<Vec<u8>> {
         }
     });
     receiver
+}
+
+/// Takes all that comes out of a pipe until it is closed.
+fn gather(mut output: ChildStderr) -> JoinHandle<Vec<u8>> {
+    std::thread::spawn(move || {
+        let mut all = Vec::new();
+        // What came before a failure is kept.
+        let _ = output.read_to_end(&mut all);
+        all
+    })
 }
 
 fn spawn(mut command: Command) -> Result<Child> {

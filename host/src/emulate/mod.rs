@@ -8,17 +8,20 @@
 //! - [`Machine`]: the emulator's process and the line to it.
 //! - [`Board`]: the emulated board behind the link.
 //! - [`Sensors`]: from the plant's state to the readings of converters.
-//! - [`parameters`]: from a model file to what a board has to be told.
+//! - [`tuned`]: from a model file to what a board has to be told, in units that fit its numbers.
 //! - [`run`]: the lockstep of all of them.
+//! - [`decode`]: what the board has logged meanwhile.
 
 mod board;
+mod log;
 mod machine;
 mod run;
 mod sensors;
 mod setup;
 
 pub use board::Board;
+pub use log::decode;
 pub use machine::{Launch, Machine, QEMU, Transport};
-pub use run::{Driver, OnHost, Outcome, Period, Plan, position, run};
+pub use run::{Driver, OnHost, Outcome, Period, Plan, position, run, velocity};
 pub use sensors::Sensors;
-pub use setup::{Setup, parameters};
+pub use setup::{Setup, Tuned, parameters, tuned};

@@ -2,6 +2,7 @@
 
 use bristle_core::control::{Position, SetPoint};
 use bristle_core::drive::{Drive, Faults, Mailbox, Number, Parameters, Sample};
+use bristle_core::friction::Units;
 
 use super::Sensors;
 use crate::bench::Record;
@@ -112,11 +113,23 @@ pub fn run<T: Number>(
     Ok(Outcome { record, periods })
 }
 
-/// A position set point with its rates, for an encoder whose count is `count` rad or m.
-pub fn position<T: Number>(q: f64, rates: (f64, f64), count: f64) -> SetPoint<T> {
+/// A position set point with its rates, for an encoder whose count is `count` rad or m, in the units of the board.
+pub fn position<T: Number>(q: f64, rates: (f64, f64), count: f64, units: &Units) -> SetPoint<T> {
     SetPoint::Position {
         position: Position::from_f64(q / count),
-        velocity: T::from_f64(rates.0),
-        acceleration: T::from_f64(rates.1),
+        velocity: T::from_f64(rates.0 / units.velocity),
+        acceleration: acceleration(rates.1, units),
     }
+}
+
+/// A velocity set point with its rate, likewise.
+pub fn velocity<T: Number>(v: f64, rate: f64, units: &Units) -> SetPoint<T> {
+    SetPoint::Velocity {
+        velocity: T::from_f64(v / units.velocity),
+        acceleration: acceleration(rate, units),
+    }
+}
+
+fn acceleration<T: Number>(a: f64, units: &Units) -> T {
+    T::from_f64(a * units.time() / units.velocity)
 }

@@ -1,7 +1,7 @@
 //! From a model file to what a board has to be told.
 
 use bristle_core::control::{Effects, Learning, Method};
-use bristle_core::drive::{Number, Parameters};
+use bristle_core::drive::{Limits, Number, Parameters};
 use bristle_core::friction::{OutOfRange, Units};
 
 use super::Sensors;
@@ -18,36 +18,45 @@ pub struct Setup {
     pub compensate: bool,
 }
 
-/// What a board in floating point counts in.
-const SI: Units = Units {
-    force: 1.0,
-    position: 1.0,
-    velocity: 1.0,
-};
+/// A board's parameters, and the units that its numbers are in.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tuned<T> {
+    /// What the board is told.
+    pub parameters: Parameters<T>,
+    /// SI units for a board in floating point, and chosen by [`tune::units`] for one in fixed point. `u` keeps its own.
+    pub units: Units,
+}
 
 /// The parameters of a board that knows an axis by its model file. Fails if the model lacks a value, or says what no
 /// controller knows, or a number does not fit the format.
-pub fn parameters<T: Number>(
-    model: &Model,
-    setup: &Setup,
-    sensors: &Sensors,
-) -> Result<Parameters<T>> {
+pub fn tuned<T: Number>(model: &Model, setup: &Setup, sensors: &Sensors) -> Result<Tuned<T>> {
     let mut control = tune::parameters(model, &setup.wish)?;
     if !setup.compensate {
         control.compensation.method = Method::Off;
         control.adaptation.method = Learning::Off;
         control.effects = Effects::NONE;
     }
+    let limits: Limits<T> = sensors.limits();
+    let units = if T::FIXED {
+        tune::units(&control, limits.jump)
+    } else {
+        tune::SI
+    };
     let out_of_range =
         |e: OutOfRange| Error::Usage(format!("{e}; check the units of the model and --limit"));
     let parameters = Parameters {
-        limits: sensors.limits(),
-        control: control.scaled(&SI).map_err(out_of_range)?,
+        limits,
+        control: control.scaled(&units).map_err(out_of_range)?,
     };
     if let Err(invalid) = parameters.control.check() {
         return Err(Error::Usage(format!(
             "the controller does not fit the board's numbers: {invalid}"
         )));
     }
-    Ok(parameters)
+    Ok(Tuned { parameters, units })
+}
+
+/// The same in floating point, whose units are SI.
+pub fn parameters(model: &Model, setup: &Setup, sensors: &Sensors) -> Result<Parameters<f32>> {
+    Ok(tuned(model, setup, sensors)?.parameters)
 }

@@ -9,18 +9,12 @@ pub struct Board {
     pub id: &'static str,
     /// The name that a person reads.
     pub name: &'static str,
-    /// The target of the Rust compiler, and the program for it.
+    /// The target of the Rust compiler, the program for it, and its memory.
     pub target: Target,
     /// What probe-rs calls its chip.
     pub chip: &'static str,
     /// Vendor and product of the chip's loader on USB.
     pub loader: &'static str,
-    /// Where the flash begins.
-    pub flash: u32,
-    /// Bytes of it for the image; what lies behind holds the parameters.
-    pub room: u32,
-    /// First and last address that the stack may begin at.
-    pub stack: (u32, u32),
     /// How to connect a probe.
     pub probe_wiring: &'static str,
     /// How to start the chip's loader.
@@ -37,10 +31,6 @@ pub static ALL: [Board; 1] = [Board {
     chip: "STM32F405RGTx",
     // ST's application note AN2606: the loader in the system memory of the STM32F4.
     loader: "0483:df11",
-    flash: 0x0800_0000,
-    // Sectors 10 and 11 hold the parameters.
-    room: 0x000C_0000,
-    stack: (0x2000_0000, 0x2002_0000),
     probe_wiring: "connect SWDIO, SWCLK and GND of the board to a probe such as an ST-LINK, and power the board",
     start_loader: "set the board's switch to DFU, connect its USB port, and power the board off and on",
     leave_loader: "Set the board's switch back to RUN, and power the board off and on.",

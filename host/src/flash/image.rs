@@ -6,8 +6,8 @@ use object::elf::{EM_ARM, FileHeader32, PT_LOAD};
 use object::read::elf::{FileHeader, ProgramHeader};
 use object::{Endianness, read};
 
-use super::Board;
 use crate::error::{Error, Result};
+use crate::image::Target;
 
 /// What the flash is to hold.
 #[derive(Debug)]
@@ -21,27 +21,28 @@ pub struct Image {
 }
 
 impl Image {
-    /// Reads an ELF file and checks that it starts on this board.
+    /// Reads an ELF file and checks that it starts on this chip.
     ///
     /// # Errors
-    /// [`Error::Unreadable`], or [`Error::Usage`] with what makes the file no image for the board.
-    pub fn read(path: &Path, board: &Board) -> Result<Self> {
+    /// [`Error::Unreadable`], or [`Error::Usage`] with what makes the file no image for the chip.
+    pub fn read(path: &Path, target: &Target) -> Result<Self> {
         let file = std::fs::read(path).map_err(|reason| Error::Unreadable {
             path: path.to_owned(),
             reason,
         })?;
         let refuse = |what: String| {
             Error::Usage(format!(
-                "{}: {what}; give the ELF file that `cargo firmware` makes, or leave --image out to have it built",
-                path.display()
+                "{}: {what}; give the ELF file that `cargo {}` makes, or leave --image out to have it built",
+                path.display(),
+                target.alias
             ))
         };
         let segments = segments(&file).map_err(refuse)?;
-        let bytes = flat(&segments, board).map_err(refuse)?;
-        check_vectors(&bytes, board).map_err(refuse)?;
+        let bytes = flat(&segments, target).map_err(refuse)?;
+        check_vectors(&bytes, target).map_err(refuse)?;
         Ok(Self {
             path: path.to_owned(),
-            address: board.flash,
+            address: target.flash,
             bytes,
         })
     }
@@ -68,18 +69,18 @@ fn segments(file: &[u8]) -> std::result::Result<Vec<(u32, &[u8])>, String> {
 }
 
 /// All segments in one piece from the beginning of the flash.
-fn flat(segments: &[(u32, &[u8])], board: &Board) -> std::result::Result<Vec<u8>, String> {
+fn flat(segments: &[(u32, &[u8])], target: &Target) -> std::result::Result<Vec<u8>, String> {
     let mut flat = Vec::new();
     for (address, bytes) in segments {
-        let room = board.room as usize;
-        let place = address.checked_sub(board.flash).map(|at| at as usize);
+        let room = target.room as usize;
+        let place = address.checked_sub(target.flash).map(|at| at as usize);
         let Some(start) = place.filter(|start| start + bytes.len() <= room) else {
             return Err(format!(
                 "puts {} bytes at {address:#010x}, outside what {} has for an image ({:#010x} to {:#010x})",
                 bytes.len(),
-                board.name,
-                board.flash,
-                board.flash + board.room - 1
+                target.chip,
+                target.flash,
+                target.flash + target.room - 1
             ));
         };
         let end = start + bytes.len();
@@ -92,7 +93,7 @@ fn flat(segments: &[(u32, &[u8])], board: &Board) -> std::result::Result<Vec<u8>
 }
 
 /// Checks what the processor reads first: where the stack begins and where the program does (ARMv7-M, B1.5.3).
-fn check_vectors(bytes: &[u8], board: &Board) -> std::result::Result<(), String> {
+fn check_vectors(bytes: &[u8], target: &Target) -> std::result::Result<(), String> {
     let word = |k: usize| {
         let bytes = bytes.get(4 * k..4 * k + 4)?;
         bytes.try_into().ok().map(u32::from_le_bytes)
@@ -100,12 +101,12 @@ fn check_vectors(bytes: &[u8], board: &Board) -> std::result::Result<(), String>
     let (Some(stack), Some(start)) = (word(0), word(1)) else {
         return Err("holds no vector table".to_owned());
     };
-    let inside = (board.flash..board.flash + bytes.len() as u32).contains(&start);
+    let inside = (target.flash..target.flash + bytes.len() as u32).contains(&start);
     // Bit 0 says that Thumb instructions follow, the only ones that the processor has.
-    if !(board.stack.0..=board.stack.1).contains(&stack) || !inside || start & 1 == 0 {
+    if !(target.stack.0..=target.stack.1).contains(&stack) || !inside || start & 1 == 0 {
         return Err(format!(
             "does not begin with a vector table for {} (stack at {stack:#010x}, start at {start:#010x})",
-            board.name
+            target.chip
         ));
     }
     Ok(())

@@ -190,7 +190,7 @@ pub(super) fn by_loader(
             arguments,
         }
     };
-    let start = format!("{:#010x}", board.flash);
+    let start = format!("{:#010x}", board.target.flash);
     let span = format!("{start}:{length}");
     vec![
         call("Writing the flash", start, "--download", flat),

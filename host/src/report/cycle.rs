@@ -137,7 +137,12 @@ fn plots(laps: &[Lap]) -> Vec<Item> {
     plots.into_iter().map(wide).collect()
 }
 
-fn over_time(title: &str, si: &str, t: &[f64], series: Vec<(&str, Role, Vec<f64>)>) -> Plot {
+pub(super) fn over_time(
+    title: &str,
+    si: &str,
+    t: &[f64],
+    series: Vec<(&str, Role, Vec<f64>)>,
+) -> Plot {
     let values = series.iter().flat_map(|(.., y)| y);
     let largest = values.fold(0.0_f64, |m, y| m.max(y.abs()));
     let (factor, name) = scaled_unit(largest, si);

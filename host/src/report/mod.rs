@@ -6,6 +6,8 @@
 #[cfg(unix)]
 mod cycle;
 mod data;
+#[cfg(unix)]
+mod emulation;
 mod findings;
 mod friction;
 mod page;
@@ -21,6 +23,9 @@ mod trials;
 
 #[cfg(test)]
 mod tests;
+
+#[cfg(unix)]
+pub use emulation::Emulation;
 
 use crate::check::Warning;
 use crate::dbi::Study;
@@ -73,6 +78,12 @@ pub fn experiment(campaign: &Campaign, seed: u64) -> Result<String> {
 #[cfg(unix)]
 pub fn cycle(laps: &[crate::cycle::Lap], findings: &[String], seed: u64) -> Result<String> {
     render(&cycle::page(laps, findings, seed))
+}
+
+/// The HTML text of a run in the emulator. Fails only on a defect.
+#[cfg(unix)]
+pub fn emulation(run: &Emulation) -> Result<String> {
+    render(&emulation::page(run))
 }
 
 fn render(page: &Page) -> Result<String> {

@@ -6,7 +6,6 @@ pub use merit::{Step, peak, rms, settled, step};
 
 use bristle_core::Scalar;
 use bristle_core::control::{Controller, Output, Parameters, Position, SetPoint};
-use bristle_core::friction::Units;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -15,6 +14,7 @@ use crate::model::Model;
 use crate::plant::{self, Plant};
 use crate::recording::Recording;
 use crate::step::State;
+use crate::tune::SI;
 
 /// What the axis is to do at an instant, in SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,13 +62,6 @@ pub struct Servo {
     load_noise: f64,
     rng: ChaCha8Rng,
 }
-
-/// The units in which floating point works.
-const SI: Units = Units {
-    force: 1.0,
-    position: 1.0,
-    velocity: 1.0,
-};
 
 /// Parameters in the board's precision.
 pub fn single(parameters: &Parameters<f64>) -> Result<Parameters<f32>> {

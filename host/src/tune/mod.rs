@@ -2,9 +2,11 @@
 
 mod effects;
 mod margins;
+mod scale;
 
 pub use effects::left_alone;
 pub use margins::{Margins, margins};
+pub use scale::{SI, units};
 
 use bristle_core::control::{
     Adaptation, Compensation, Driver, Friction, Learning, Method, Parameters,
@@ -263,15 +265,7 @@ mod tests {
             ),
             (0.13, 0.2)
         );
-        assert!(found.is_valid() && found.scaled::<f32>(&si()).is_ok());
-    }
-
-    pub(super) fn si() -> bristle_core::friction::Units {
-        bristle_core::friction::Units {
-            force: 1.0,
-            position: 1.0,
-            velocity: 1.0,
-        }
+        assert!(found.is_valid() && found.scaled::<f32>(&super::SI).is_ok());
     }
 
     #[test]

@@ -44,7 +44,7 @@ pub use pwm::{TOP, bridge_off};
 use bristle_core::drive::{Fault, Faults, Sample};
 
 use super::device::{GPIOB, GPIOC, GPIOD, Peripherals, RCC};
-use super::{Board, Serial, Storage};
+use super::{Board, Storage, serial_port};
 use clock::Clock;
 use converter::Converter;
 use encoder::Encoder;
@@ -82,7 +82,7 @@ pub fn start(device: Peripherals, mut core: cortex_m::Peripherals) -> Board {
     let clock = Clock::start(rcc, &device.FLASH, &device.PWR);
     faults.raise_if(Fault::Clock, clock.has_failed());
     let rcc = clock.rcc();
-    let port = Serial::new(device.UART4, &gpioa, rcc, clock.apb1_hz());
+    let port = serial_port(device.UART4, &gpioa, rcc, clock.apb1_hz());
     let bridge = Bridge::off(device.TIM1, rcc, &gpioa, &gpiob);
     let encoder = Encoder::start(device.TIM3, rcc, &gpiob);
     let converter = Converter::start(device.ADC1, rcc, &gpioa, &gpioc);
