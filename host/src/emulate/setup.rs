@@ -41,7 +41,7 @@ pub fn parameters<T: Number>(
     let out_of_range =
         |e: OutOfRange| Error::Usage(format!("{e}; check the units of the model and --limit"));
     let parameters = Parameters {
-        limits: sensors.limits(),
+        limits: sensors.limits(setup.wish.rate),
         control: control.scaled(&SI).map_err(out_of_range)?,
     };
     if let Err(invalid) = parameters.control.check() {
