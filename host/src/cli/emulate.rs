@@ -10,10 +10,10 @@ use bristle_core::link::Command as Request;
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
-use super::bench::{Excite, csv};
+use super::bench::Excite;
 use super::output::{self, Outputs};
 use super::{DONE, Outcome as Status, terminal};
-use crate::bench::Record;
+use crate::bench::{Record, csv};
 use crate::emulate::{
     self, Board, Driver, Launch, OnHost, Outcome, Plan, Sensors, Setup, Transport,
 };
@@ -175,7 +175,7 @@ impl Emulate {
         };
         let mut outputs = Outputs::default();
         outputs.add(Some(&options.out), || {
-            Ok(csv(&outcome.record, &prepared.model))
+            Ok(csv(&outcome.record, Some(&prepared.model)))
         })?;
         outputs.add(self.json.as_ref(), || Ok(report(&outcome, &who)))?;
         terminal::written(&outputs.write()?);
@@ -206,7 +206,9 @@ impl Make {
         let outcome = prepared.run(&mut board)?;
         let record = from_ring(&mut board, &outcome, options.counts_unit(&prepared.model))?;
         let mut outputs = Outputs::default();
-        outputs.add(Some(&options.out), || Ok(csv(&record, &prepared.model)))?;
+        outputs.add(Some(&options.out), || {
+            Ok(csv(&record, Some(&prepared.model)))
+        })?;
         terminal::written(&outputs.write()?);
         tell(&outcome);
         Ok(DONE)

@@ -2,6 +2,7 @@
 
 use std::io::{ErrorKind, Read, Write};
 use std::os::unix::net::{UnixListener, UnixStream};
+use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
@@ -52,6 +53,7 @@ impl Launch<'_> {
 pub struct Machine {
     child: Child,
     line: Line,
+    patience: Duration,
 }
 
 enum Line {
@@ -85,13 +87,20 @@ impl Machine {
             .args(["-serial", "null", "-semihosting-config"])
             .arg("enable=on,target=native,arg=bristle,arg=fast")
             .stdin(Stdio::piped())
-            .stdout(Stdio::piped());
+            .stdout(Stdio::piped())
+            // Ctrl-C in a terminal is for this program, which may have a motor to stop first. The image ends by itself when
+            // its input does.
+            .process_group(0);
         let mut child = spawn(command)?;
         let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
             return Err(Error::Internal("the emulator has no pipes".to_owned()));
         };
         let line = Line::Pipes(input, forward(output));
-        Ok(Self { child, line })
+        Ok(Self {
+            child,
+            line,
+            patience: PATIENCE,
+        })
     }
 
     fn with_socket(mut command: Command, port: usize) -> Result<Self> {
@@ -133,7 +142,23 @@ impl Machine {
             stream,
             _directory: directory,
         };
-        Ok(Self { child, line })
+        Ok(Self {
+            child,
+            line,
+            patience: PATIENCE,
+        })
+    }
+
+    /// How long to wait for an answer from now on.
+    pub fn set_patience(&mut self, patience: Duration) -> Result<()> {
+        self.patience = patience;
+        match &self.line {
+            Line::Pipes(..) => Ok(()),
+            Line::Socket { stream, .. } => {
+                let set = stream.set_read_timeout(Some(patience));
+                set.map_err(|e| Error::Emulator(format!("its socket takes no time limit: {e}")))
+            }
+        }
     }
 
     /// Sends bytes.
@@ -148,7 +173,7 @@ impl Machine {
     /// Waits for bytes; how many came.
     pub fn read(&mut self, buffer: &mut [u8; BLOCK]) -> Result<usize> {
         let read = match &mut self.line {
-            Line::Pipes(_, output) => match output.recv_timeout(PATIENCE) {
+            Line::Pipes(_, output) => match output.recv_timeout(self.patience) {
                 Ok(bytes) => {
                     buffer[..bytes.len()].copy_from_slice(&bytes);
                     Ok(bytes.len())

@@ -10,15 +10,21 @@
 //! - [`Sensors`]: from the plant's state to the readings of converters.
 //! - [`parameters`]: from a model file to what a board has to be told.
 //! - [`run`]: the lockstep of all of them.
+//! - [`Live`]: the same lockstep in real time, to be used like a board on a port; [`Twin`] takes the emulator's place in it
+//!   where there is none.
 
 mod board;
+mod live;
 mod machine;
 mod run;
 mod sensors;
 mod setup;
+mod twin;
 
 pub use board::Board;
+pub use live::{Axis, Live};
 pub use machine::{Launch, Machine, QEMU, Transport};
 pub use run::{Driver, OnHost, Outcome, Period, Plan, position, run};
 pub use sensors::Sensors;
 pub use setup::{Setup, parameters};
+pub use twin::Twin;
