@@ -1,6 +1,6 @@
 //! A live view of a board: what its signals do, what faults it has, and what it is asked for.
 //!
-//! One thread holds the link ([`session`]); it alone speaks to the board, and what it learns it puts into one [`View`].
+//! One thread, the session, holds the link; it alone speaks to the board, and what it learns it puts into one [`View`].
 //! A page in the browser ([`Server`]) and a terminal ([`screen`]) show that view and ask for things. Stopping is not
 //! one of those things: it is a flag of its own, which the thread looks at before everything else that it sends.
 //!
@@ -47,6 +47,15 @@ struct Shared {
 }
 
 impl Shared {
+    fn new() -> Self {
+        Self {
+            view: Mutex::new(View::new()),
+            stop: AtomicBool::new(false),
+            closing: AtomicBool::new(false),
+            watchers: AtomicUsize::new(0),
+        }
+    }
+
     /// Looks at the view, or changes it.
     fn view<R>(&self, with: impl FnOnce(&mut View) -> R) -> R {
         // A thread that panicked while it wrote has left a view that is old at worst.
@@ -108,12 +117,7 @@ impl Monitor {
     /// until it is back.
     pub fn start(place: Place, options: Options) -> Result<Self> {
         let (requests, inbox) = channel();
-        let shared = Arc::new(Shared {
-            view: Mutex::new(View::new()),
-            stop: AtomicBool::new(false),
-            closing: AtomicBool::new(false),
-            watchers: AtomicUsize::new(0),
-        });
+        let shared = Arc::new(Shared::new());
         let session = Session::begin(place, options, Arc::clone(&shared), inbox)?;
         Ok(Self {
             handle: Handle { shared, requests },

@@ -62,13 +62,19 @@ impl Link {
 }
 
 impl Session {
-    /// Opens the way to the board and sets it up. What it does otherwise is left as it is, unless this monitor had turned the
-    /// axis on before the link was lost, or a stop is due.
+    /// Opens the way to the board and sets it up.
     pub(super) fn connect(&mut self) -> Result<()> {
-        let mut peer = Peer::called(self.place.open()?)?;
+        let link = self.link_to(Peer::called(self.place.open()?)?)?;
+        self.link = Some(link);
+        Ok(())
+    }
+
+    /// Sets up a board that answers. What it does otherwise is left as it is, unless this monitor had turned the axis on
+    /// before the link was lost, or a stop is due.
+    pub(super) fn link_to(&mut self, mut peer: Peer<f32, Box<dyn Wire + Send>>) -> Result<Link> {
         self.set_up(&mut peer)?;
         let now = Instant::now();
-        self.link = Some(Link {
+        Ok(Link {
             peer,
             asked: VecDeque::new(),
             count: self.aim.count(),
@@ -76,8 +82,7 @@ impl Session {
             last_asked: now,
             last_stop: now,
             lost: (0, 0),
-        });
-        Ok(())
+        })
     }
 
     fn set_up(&mut self, peer: &mut Peer<f32, Box<dyn Wire + Send>>) -> Result<()> {

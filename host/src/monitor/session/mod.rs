@@ -98,26 +98,29 @@ impl Session {
         shared: Arc<Shared>,
         inbox: Receiver<Request>,
     ) -> Result<Self> {
-        let form = Form {
-            folder: options.folder.clone(),
-            model: options.model.clone(),
-            period: 0.0,
-            every: 1,
-        };
-        let mut session = Self {
+        let mut session = Self::new(place, options, shared, inbox);
+        session.connect()?;
+        Ok(session)
+    }
+
+    fn new(place: Place, options: Options, shared: Arc<Shared>, inbox: Receiver<Request>) -> Self {
+        Self {
             aim: Aim::new(options.moves, 1.0),
+            form: Form {
+                folder: options.folder.clone(),
+                model: options.model.clone(),
+                period: 0.0,
+                every: 1,
+            },
             place,
             options,
             shared,
             inbox,
             link: None,
-            form,
             recording: None,
             saving: Vec::new(),
             watched: Instant::now(),
-        };
-        session.connect()?;
-        Ok(session)
+        }
     }
 
     /// Serves until the monitor is closed.

@@ -166,3 +166,120 @@ impl Session {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::Ordering;
+    use std::sync::mpsc::{Sender, channel};
+    use std::sync::{Arc, Mutex};
+    use std::time::Duration;
+
+    use bristle_core::link::{Command, Deframer, Packet, decode};
+
+    use crate::emulate::Twin;
+    use crate::error::Result;
+    use crate::link::{BLOCK, Peer, Wire};
+    use crate::monitor::session::link::Link;
+    use crate::monitor::session::{Options, Request, Session};
+    use crate::monitor::{Mode, Moves, Shared};
+    use crate::place::Place;
+
+    /// A board that answers at once, and what it was sent.
+    struct Tapped {
+        board: Twin,
+        sent: Arc<Mutex<Vec<u8>>>,
+    }
+
+    impl Wire for Tapped {
+        fn is_noisy(&self) -> bool {
+            false
+        }
+        fn set_patience(&mut self, patience: Duration) -> Result<()> {
+            self.board.set_patience(patience)
+        }
+        fn write(&mut self, bytes: &[u8]) -> Result<()> {
+            self.sent.lock().unwrap().extend_from_slice(bytes);
+            self.board.write(bytes)
+        }
+        fn read(&mut self, buffer: &mut [u8; BLOCK]) -> Result<usize> {
+            self.board.read(buffer)
+        }
+        fn name(&self) -> &'static str {
+            "a tap"
+        }
+    }
+
+    /// A session that has found its board, a way to ask it for things, and what it has sent since.
+    fn session() -> (Session, Link, Sender<Request>, Arc<Mutex<Vec<u8>>>) {
+        let (requests, inbox) = channel();
+        let options = Options {
+            model: None,
+            moves: Moves {
+                speed: 1.0,
+                acceleration: 10.0,
+            },
+            telemetry: None,
+            folder: ".".into(),
+        };
+        let place = Place::Port("none".to_owned());
+        let mut session = Session::new(place, options, Arc::new(Shared::new()), inbox);
+        let sent = Arc::new(Mutex::new(Vec::new()));
+        let board: Box<dyn Wire + Send> = Box::new(Tapped {
+            board: Twin::new().unwrap(),
+            sent: Arc::clone(&sent),
+        });
+        let link = session.link_to(Peer::called(board).unwrap()).unwrap();
+        sent.lock().unwrap().clear();
+        (session, link, requests, sent)
+    }
+
+    fn commands(sent: &Mutex<Vec<u8>>) -> Vec<Command<f32>> {
+        let mut deframer = Deframer::new();
+        let bytes = std::mem::take(&mut *sent.lock().unwrap());
+        let frames = bytes.into_iter().filter_map(|byte| deframer.push(byte));
+        let packets = frames.map(|frame| frame.and_then(decode::<Packet<f32>>).unwrap());
+        packets.map(|packet| packet.command).collect()
+    }
+
+    #[test]
+    fn a_stop_goes_first_and_what_was_asked_for_before_it_is_dropped() {
+        let (mut session, mut link, requests, sent) = session();
+        for request in [
+            Request::Enable,
+            Request::Aim(Mode::Input(1e-9)),
+            Request::Clear,
+        ] {
+            requests.send(request).unwrap();
+        }
+        session.shared.stop.store(true, Ordering::Release);
+        session.turn(&mut link).unwrap();
+        let first = commands(&sent);
+        assert_eq!(first.first(), Some(&Command::Disable));
+        assert!(!first.contains(&Command::Enable) && !first.contains(&Command::Clear));
+        // The board has confirmed it, so it is not sent again; what is asked for later is served.
+        std::thread::sleep(2 * super::REPEAT);
+        requests.send(Request::Enable).unwrap();
+        session.turn(&mut link).unwrap();
+        let later = commands(&sent);
+        assert!(later.contains(&Command::Enable) && !later.contains(&Command::Disable));
+    }
+
+    #[test]
+    fn set_points_go_out_only_while_this_monitor_has_the_axis_on() {
+        let (mut session, mut link, requests, sent) = session();
+        let is_set_point = |command: &Command<f32>| matches!(command, Command::SetPoint(_));
+        let mut turns = |session: &mut Session| {
+            for _ in 0..3 {
+                std::thread::sleep(super::TICK);
+                session.shared.watchers.store(1, Ordering::Release);
+                session.turn(&mut link).unwrap();
+            }
+            commands(&sent)
+        };
+        assert!(!turns(&mut session).iter().any(is_set_point));
+        requests.send(Request::Enable).unwrap();
+        assert!(turns(&mut session).iter().any(is_set_point));
+        session.shared.stop.store(true, Ordering::Release);
+        assert!(!turns(&mut session).iter().any(is_set_point));
+    }
+}
