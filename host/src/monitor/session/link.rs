@@ -21,6 +21,9 @@ const TURN: Duration = Duration::from_millis(2);
 const LOST: Duration = Duration::from_millis(400);
 /// A line that has been silent for so long is opened anew.
 const REOPEN: Duration = Duration::from_secs(2);
+/// A line may lose an answer, as a pseudo-terminal does whose other end has not yet noticed that it was opened. What a board
+/// is set up with may be said more than once.
+const ATTEMPTS: u32 = 3;
 /// The largest telemetry frame: 8 words of 5 bytes, number, period and framing.
 const FRAME: f64 = 56.0;
 /// Of the line, for telemetry; the rest is for answers.
@@ -72,7 +75,13 @@ impl Session {
     /// Sets up a board that answers. What it does otherwise is left as it is, unless this monitor had turned the axis on
     /// before the link was lost, or a stop is due.
     pub(super) fn link_to(&mut self, mut peer: Peer<f32, Box<dyn Wire + Send>>) -> Result<Link> {
-        self.set_up(&mut peer)?;
+        let mut attempts = 1;
+        while let Err(e) = self.set_up(&mut peer) {
+            if attempts == ATTEMPTS {
+                return Err(e);
+            }
+            attempts += 1;
+        }
         let now = Instant::now();
         Ok(Link {
             peer,
