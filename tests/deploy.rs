@@ -11,63 +11,15 @@ mod cli;
     reason = "the tests of the firmware use all of it"
 )]
 mod emulator;
+mod port;
 
-use std::io::{BufRead, BufReader};
-use std::path::Path;
-use std::process::{Child, Command, Stdio};
-
-use bristle::emulate::QEMU;
-use bristle::link::{Peer, SerialLine};
 use bristle_core::link::Command as Request;
 use cli::Folder;
 use emulator::runnable_images;
+use port::OnPort;
 
 const AXIS: &str = "[plant]\nmotion = \"rotary\"\ninput = \"torque\"\ngain = 1.0\ninertia = 0.012\n\
     [friction]\ncoulomb = 0.18\nviscous = 0.02\n[effects.gravity]\namplitude = 0.1\nphase = 0.3\n";
-
-/// An emulated board whose link is a serial port of this machine, a pseudo-terminal.
-struct OnPort {
-    emulator: Child,
-    port: String,
-}
-
-impl OnPort {
-    fn start(image: &Path) -> Self {
-        let mut emulator = Command::new(QEMU)
-            .args(["-M", "netduinoplus2", "-nographic", "-monitor", "none"])
-            .args(["-semihosting-config", "enable=on,target=native"])
-            .args(["-serial", "null", "-serial", "null", "-serial", "null"])
-            .args(["-serial", "chardev:link", "-chardev", "pty,id=link"])
-            .arg("-kernel")
-            .arg(image)
-            .stdin(Stdio::null())
-            .stdout(Stdio::piped())
-            .spawn()
-            .expect("the emulator starts");
-        let said = emulator.stdout.take().expect("a pipe");
-        // It says `char device redirected to /dev/pts/3 (label link)`.
-        let mut lines = BufReader::new(said).lines().map_while(Result::ok);
-        let port = lines.find_map(|line| {
-            let mut words = line.split_whitespace();
-            words.find(|w| w.starts_with("/dev/")).map(str::to_owned)
-        });
-        let port = port.expect("the emulator names its port");
-        Self { emulator, port }
-    }
-
-    fn tell(&self, request: Request<f32>) {
-        let line = SerialLine::open(&self.port).expect("it opens");
-        let mut board = Peer::<f32, _>::called(line).expect("the board answers");
-        board.tell(request).expect("it does as told");
-    }
-}
-
-impl Drop for OnPort {
-    fn drop(&mut self) {
-        let _ = self.emulator.kill();
-        let _ = self.emulator.wait();
-    }
-}
 
 #[test]
 fn a_board_on_a_serial_port_takes_stores_and_holds_a_model() {

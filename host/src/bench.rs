@@ -1,8 +1,11 @@
 //! A simulated test bench: drives a plant and records what its sensors would have shown.
 
+use std::fmt::Write;
+
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use crate::model::{Model, Motion};
 use crate::plant::Plant;
 use crate::step::State;
 
@@ -111,6 +114,58 @@ fn normal(rng: &mut ChaCha8Rng, rms: f64) -> f64 {
         rms * ((0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0)
     } else {
         0.0
+    }
+}
+
+/// A recording with units in its header, under the names that the model file gives its columns; without a model, under the
+/// canonical names and without units, which it alone knows.
+pub fn csv(record: &Record, model: Option<&Model>) -> String {
+    let columns = [
+        ("t", &record.t),
+        ("u", &record.u),
+        ("q", &record.q),
+        ("i", &record.current),
+        ("q_ref", &record.set_point),
+    ];
+    let columns: Vec<_> = columns
+        .into_iter()
+        .filter(|(_, values)| !values.is_empty())
+        .collect();
+    let heads = columns.iter().map(|(name, _)| match model {
+        None => (*name).to_owned(),
+        Some(model) => {
+            let own = model.columns.get(*name).map_or(*name, String::as_str);
+            format!("{own}[{}]", unit(name, model))
+        }
+    });
+    let mut text = heads.collect::<Vec<_>>().join(",");
+    text.push('\n');
+    for k in 0..record.t.len() {
+        for (column, (_, values)) in columns.iter().enumerate() {
+            let comma = if column == 0 { "" } else { "," };
+            // `{:?}` writes the shortest decimal that reads back as the same number.
+            let _ = write!(text, "{comma}{:?}", values[k]);
+        }
+        text.push('\n');
+    }
+    text
+}
+
+/// The unit of a canonical column.
+pub fn unit(column: &str, model: &Model) -> &'static str {
+    let (torque, position) = match model.motion {
+        Motion::Rotary => ("N*m", "rad"),
+        Motion::Linear => ("N", "m"),
+    };
+    match (column, model.input.as_str()) {
+        ("t", _) => "s",
+        ("i", _) | ("u", "current") => "A",
+        ("u", "voltage") => "V",
+        // The torque on a wheel whose motion counts in metres.
+        ("u", "torque") => "N*m",
+        ("u", "force") => "N",
+        ("u", _) => torque,
+        _ => position,
     }
 }
 

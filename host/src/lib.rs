@@ -2,7 +2,7 @@
 //!
 //! Data goes one way. A module uses only those before it in this order, which `tests/structure.rs` checks:
 //!
-//! format → motion → error → image → effects → model → recording → weak → problem → linear → noise → projection → system → scan → normal → uncertainty → refine → dictionary → axis → step → simulate → plant → tune → excite → bench → servo → link → emulate → deploy → fit → identify → stream → pem → curve → check → diagnose → experiment → dbi → trials → showcase → cycle → report → flash → cli
+//! format → motion → error → image → effects → model → recording → weak → problem → linear → noise → projection → system → scan → normal → uncertainty → refine → dictionary → axis → step → simulate → plant → tune → excite → bench → servo → link → emulate → deploy → place → ports → monitor → fit → identify → stream → pem → curve → check → diagnose → experiment → dbi → trials → showcase → cycle → report → flash → cli
 
 pub mod axis;
 pub mod bench;
@@ -30,11 +30,16 @@ pub mod image;
 pub mod linear;
 pub mod link;
 pub mod model;
+#[cfg(unix)]
+pub mod monitor;
 pub mod motion;
 pub mod noise;
 pub mod normal;
 pub mod pem;
+#[cfg(unix)]
+pub mod place;
 pub mod plant;
+pub mod ports;
 pub mod problem;
 pub mod projection;
 pub mod recording;

@@ -1,14 +1,13 @@
 //! The options of `bristle simulate --excite`, and the recording that comes of them.
 
 use std::f64::consts::TAU;
-use std::fmt::Write;
 
 use clap::{Args, ValueEnum};
 
 use crate::bench::{self, Control, Record, Sensors};
 use crate::error::{Error, Result};
 use crate::excite::{Excitation, Shape};
-use crate::model::{Model, Motion};
+use crate::model::Motion;
 use crate::plant::Plant;
 
 /// Options of a test bench.
@@ -215,52 +214,4 @@ impl Bench {
         }
         Ok(())
     }
-}
-
-/// The units of `u` and of the position.
-pub(super) fn units(model: &Model) -> [&'static str; 2] {
-    let (torque, position) = match model.motion {
-        Motion::Rotary => ("N*m", "rad"),
-        Motion::Linear => ("N", "m"),
-    };
-    let drive = match model.input.as_str() {
-        "voltage" => "V",
-        "current" => "A",
-        // The torque on a wheel whose motion counts in metres.
-        "torque" => "N*m",
-        "force" => "N",
-        _ => torque,
-    };
-    [drive, position]
-}
-
-/// A recording with units in its header, under the names that the model file gives its columns.
-pub(super) fn csv(record: &Record, model: &Model) -> String {
-    let [drive, position] = units(model);
-    let columns = [
-        ("t", "s", &record.t),
-        ("u", drive, &record.u),
-        ("q", position, &record.q),
-        ("i", "A", &record.current),
-        ("q_ref", position, &record.set_point),
-    ];
-    let columns: Vec<_> = columns
-        .into_iter()
-        .filter(|(.., values)| !values.is_empty())
-        .collect();
-    let heads = columns.iter().map(|(name, unit, _)| {
-        let own = model.columns.get(*name).map_or(*name, String::as_str);
-        format!("{own}[{unit}]")
-    });
-    let mut text = heads.collect::<Vec<_>>().join(",");
-    text.push('\n');
-    for k in 0..record.t.len() {
-        for (column, (.., values)) in columns.iter().enumerate() {
-            let comma = if column == 0 { "" } else { "," };
-            // `{:?}` writes the shortest decimal that reads back as the same number.
-            let _ = write!(text, "{comma}{:?}", values[k]);
-        }
-        text.push('\n');
-    }
-    text
 }

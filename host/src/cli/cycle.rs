@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::bench::csv;
 use super::diagnose::{self, json};
 use super::emulate::chosen_image;
 use super::output::Outputs;
 use super::{DONE, Outcome, terminal};
+use crate::bench::csv;
 use crate::cycle::{self, Knowledge, Lap};
 use crate::emulate::{Board, Launch, Transport};
 use crate::error::{Error, Result};
@@ -42,7 +42,7 @@ pub(super) fn run(folder: &Path, image: Option<&Path>, seed: u64) -> Outcome {
     let recorded = cycle::record(&mut board, seed)?;
     let (recording, baseline) = (at("recording.csv"), at("baseline.toml"));
     write(&[
-        (&recording, csv(&recorded, &truth)),
+        (&recording, csv(&recorded, Some(&truth))),
         (&baseline, showcase::BASELINE.to_owned()),
     ])?;
     anstream::println!(
@@ -82,8 +82,8 @@ pub(super) fn run(folder: &Path, image: Option<&Path>, seed: u64) -> Outcome {
         factor,
     };
     let written = write(&[
-        (&at("before.csv"), csv(&laps[1].record, &truth)),
-        (&at("after.csv"), csv(&laps[2].record, &truth)),
+        (&at("before.csv"), csv(&laps[1].record, Some(&truth))),
+        (&at("after.csv"), csv(&laps[2].record, Some(&truth))),
         (&at("loop.json"), json(&turned)?),
         (&at("loop.html"), report::cycle(&laps, &findings, seed)?),
     ])?;

@@ -5,7 +5,6 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::bench::csv;
 use super::output::Outputs;
 use super::{Outcome, diagnose};
 use crate::bench::{self, Control, Sensors};
@@ -99,5 +98,5 @@ fn record(seed: u64) -> Result<String> {
     };
     let mut plant = plant::new(&model)?;
     let record = bench::record(plant.as_mut(), t, &reference, Some(control), sensors);
-    Ok(csv(&record, &model))
+    Ok(bench::csv(&record, Some(&model)))
 }

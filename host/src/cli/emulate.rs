@@ -13,10 +13,10 @@ use bristle_core::scalar::Q16;
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
-use super::bench::{Excite, csv};
+use super::bench::Excite;
 use super::output::{self, Outputs};
 use super::{DONE, Outcome as Status, terminal};
-use crate::bench::Record;
+use crate::bench::{self, Record, csv};
 use crate::emulate::{
     self, Board, Driver, Launch, OnHost, Outcome, Plan, Sensors, Setup, Transport, Tuned,
 };
@@ -239,7 +239,7 @@ impl Emulate {
         };
         let mut outputs = Outputs::default();
         outputs.add(Some(&options.out), || {
-            Ok(csv(&outcome.record, &prepared.model))
+            Ok(csv(&outcome.record, Some(&prepared.model)))
         })?;
         outputs.add(self.json.as_ref(), || Ok(json_report(&outcome, &who)))?;
         outputs.add(self.report.as_ref(), || {
@@ -281,7 +281,9 @@ impl Make {
         let outcome = prepared.run(&mut board)?;
         let record = from_ring(&mut board, &outcome, options.counts_unit(&prepared.model))?;
         let mut outputs = Outputs::default();
-        outputs.add(Some(&options.out), || Ok(csv(&record, &prepared.model)))?;
+        outputs.add(Some(&options.out), || {
+            Ok(csv(&record, Some(&prepared.model)))
+        })?;
         terminal::written(&outputs.write()?);
         tell(&outcome);
         Ok(DONE)
@@ -489,7 +491,7 @@ impl Options {
             axis: &model.name,
             board: format!("{place}, {chip}"),
             told: format!("{}, {compensated}", known.display()),
-            units: super::bench::units(model),
+            units: ["u", "q"].map(|column| bench::unit(column, model)),
             tracking: tracking(&outcome.record),
             trip: trip(outcome),
             seed: self.seed,

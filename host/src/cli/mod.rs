@@ -19,7 +19,10 @@ mod identify;
 mod input;
 mod man;
 mod method;
+#[cfg(unix)]
+mod monitor;
 mod output;
+mod ports;
 mod reference;
 mod simulate;
 mod terminal;
@@ -62,6 +65,9 @@ enum Verb {
     Tune(tune::Command),
     #[cfg(unix)]
     Deploy(deploy::Command),
+    #[cfg(unix)]
+    Monitor(monitor::Command),
+    Ports(ports::Command),
     Experiment(experiment::Command),
     Flash(flash::Command),
     Completions(completions::Command),
@@ -86,6 +92,9 @@ pub fn run() -> u8 {
         Verb::Tune(command) => command.run(),
         #[cfg(unix)]
         Verb::Deploy(command) => command.run(),
+        #[cfg(unix)]
+        Verb::Monitor(command) => command.run(),
+        Verb::Ports(command) => command.run(),
         Verb::Experiment(command) => command.run(),
         Verb::Flash(command) => command.run(),
         Verb::Completions(command) => command.run(),

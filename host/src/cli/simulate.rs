@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 
 use clap::{ArgGroup, Args};
 
-use super::bench::{Bench, Excite, csv};
+use super::bench::{Bench, Excite};
 use super::output::{self, Outputs};
 use super::{DONE, Outcome, terminal};
 use crate::axis::Axis;
+use crate::bench;
 use crate::error::{Error, Result};
 use crate::excite::Shape;
 use crate::fit;
@@ -114,7 +115,7 @@ impl Command {
                 record.t[k]
             )));
         }
-        Ok(csv(&record, model))
+        Ok(bench::csv(&record, Some(model)))
     }
 
     fn runner(&self, model: &Model) -> Result<Runner> {

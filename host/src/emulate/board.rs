@@ -1,6 +1,7 @@
 //! An emulated board.
 
 use std::path::Path;
+use std::time::Duration;
 
 use bristle_core::control::SetPoint;
 use bristle_core::drive::{Number, Sample};
@@ -63,7 +64,13 @@ impl<T: Number> Driver<T> for Board<T> {
 }
 
 impl Wire for Machine {
-    const NOISY: bool = false;
+    fn is_noisy(&self) -> bool {
+        false
+    }
+
+    fn set_patience(&mut self, patience: Duration) -> Result<()> {
+        Self::set_patience(self, patience)
+    }
 
     fn write(&mut self, bytes: &[u8]) -> Result<()> {
         Self::write(self, bytes)

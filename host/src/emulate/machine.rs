@@ -2,6 +2,7 @@
 
 use std::io::{ErrorKind, Read, Write};
 use std::os::unix::net::{UnixListener, UnixStream};
+use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
@@ -63,6 +64,7 @@ pub struct Machine {
     child: Child,
     line: Line,
     log: Option<JoinHandle<Vec<u8>>>,
+    patience: Duration,
 }
 
 enum Line {
@@ -109,14 +111,21 @@ impl Machine {
             .args(["-serial", "null", "-semihosting-config"])
             .arg("enable=on,target=native,arg=bristle,arg=fast")
             .stdin(Stdio::piped())
-            .stdout(Stdio::piped());
+            .stdout(Stdio::piped())
+            // Ctrl-C in a terminal is for this program, which may have a motor to stop first. The image ends by itself when
+            // its input does.
+            .process_group(0);
         let mut child = spawn(command)?;
         let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
             return Err(Error::Internal("the emulator has no pipes".to_owned()));
         };
         let line = Line::Pipes(input, forward(output));
-        let log = None;
-        Ok(Self { child, line, log })
+        Ok(Self {
+            child,
+            line,
+            log: None,
+            patience: PATIENCE,
+        })
     }
 
     fn with_socket(mut command: Command, port: usize) -> Result<Self> {
@@ -158,8 +167,24 @@ impl Machine {
             stream,
             _directory: directory,
         };
-        let log = None;
-        Ok(Self { child, line, log })
+        Ok(Self {
+            child,
+            line,
+            log: None,
+            patience: PATIENCE,
+        })
+    }
+
+    /// How long to wait for an answer from now on.
+    pub fn set_patience(&mut self, patience: Duration) -> Result<()> {
+        self.patience = patience;
+        match &self.line {
+            Line::Pipes(..) => Ok(()),
+            Line::Socket { stream, .. } => {
+                let set = stream.set_read_timeout(Some(patience));
+                set.map_err(|e| Error::Emulator(format!("its socket takes no time limit: {e}")))
+            }
+        }
     }
 
     /// Sends bytes.
@@ -174,7 +199,7 @@ impl Machine {
     /// Waits for bytes; how many came.
     pub fn read(&mut self, buffer: &mut [u8; BLOCK]) -> Result<usize> {
         let read = match &mut self.line {
-            Line::Pipes(_, output) => match output.recv_timeout(PATIENCE) {
+            Line::Pipes(_, output) => match output.recv_timeout(self.patience) {
                 Ok(bytes) => {
                     buffer[..bytes.len()].copy_from_slice(&bytes);
                     Ok(bytes.len())

@@ -11,17 +11,23 @@
 //! - [`tuned`]: from a model file to what a board has to be told, in units that fit its numbers.
 //! - [`run`]: the lockstep of all of them.
 //! - [`decode`]: what the board has logged meanwhile.
+//! - [`Live`]: the same lockstep in real time, to be used like a board on a port; [`Twin`] takes the emulator's place in it
+//!   where there is none.
 
 mod board;
+mod live;
 mod log;
 mod machine;
 mod run;
 mod sensors;
 mod setup;
+mod twin;
 
 pub use board::Board;
+pub use live::{Axis, Live};
 pub use log::decode;
 pub use machine::{Launch, Machine, QEMU, Transport};
 pub use run::{Driver, OnHost, Outcome, Period, Plan, position, run, velocity};
 pub use sensors::Sensors;
 pub use setup::{Setup, Tuned, parameters, tuned};
+pub use twin::Twin;

@@ -18,6 +18,14 @@ pub struct Sensors {
 /// What the current's converter shows without current: the middle of its 12 bits.
 pub const CURRENT_ZERO: u16 = 2048;
 
+/// A set point is stale after this, s: ten times what `bristle monitor` takes from one to the next, as a host on an ordinary
+/// operating system is late now and then.
+const STALE: f64 = 0.05;
+/// A host that is silent for so long is gone, s.
+const GONE: f64 = 0.5;
+/// An axis that does not move for so long under an input that must move it stalls, s.
+const STALLED: f64 = 1.0;
+
 /// The largest reading of 12 bits.
 const FULL: f64 = 4095.0;
 
@@ -49,8 +57,12 @@ impl Sensors {
         }
     }
 
-    /// The limits of a board with these sensors: generous, but for what a period can hold.
-    pub fn limits<T: Number>(&self) -> Limits<T> {
+    /// The limits of a board with these sensors and so many control periods a second: generous, but for what a period can
+    /// hold.
+    pub fn limits<T: Number>(&self, rate: f64) -> Limits<T> {
+        // As many periods as there are in a time, and one at least, as 0 turns a check off.
+        let periods =
+            |seconds: f64| (seconds * rate).round().clamp(1.0, f64::from(u16::MAX)) as u16;
         Limits {
             // A sixteenth of the counter's range: a lost encoder jumps further, an axis does not.
             jump: 1 << 12,
@@ -62,9 +74,9 @@ impl Sensors {
             bus_min: T::from_f64(0.5 * self.bus),
             bus_max: T::from_f64(1.5 * self.bus),
             stall: T::from_f64(1e4),
-            stall_periods: 1000,
-            command_timeout: 50,
-            link_timeout: 500,
+            stall_periods: periods(STALLED),
+            command_timeout: periods(STALE),
+            link_timeout: periods(GONE),
         }
     }
 }
@@ -91,6 +103,18 @@ mod tests {
         );
         assert_eq!(SENSORS.sample(-1e-4, 1e9).count, u16::MAX);
         assert_eq!(SENSORS.sample(0.0, 1e9).current, 4095);
+    }
+
+    #[test]
+    fn timeouts_are_times_and_not_numbers_of_periods() {
+        for rate in [1000.0, 8000.0] {
+            let limits = SENSORS.limits::<f32>(rate);
+            assert_eq!(f64::from(limits.command_timeout) / rate, 0.05);
+            assert_eq!(f64::from(limits.link_timeout) / rate, 0.5);
+        }
+        let limits = SENSORS.limits::<f32>(1.0);
+        assert_eq!((limits.command_timeout, limits.link_timeout), (1, 1));
+        assert_eq!(SENSORS.limits::<f32>(1e6).link_timeout, u16::MAX);
     }
 
     #[test]

@@ -36,7 +36,7 @@ pub fn tuned<T: Number>(model: &Model, setup: &Setup, sensors: &Sensors) -> Resu
         control.adaptation.method = Learning::Off;
         control.effects = Effects::NONE;
     }
-    let limits: Limits<T> = sensors.limits();
+    let limits: Limits<T> = sensors.limits(setup.wish.rate);
     let units = if T::FIXED {
         tune::units(&control, limits.jump)
     } else {

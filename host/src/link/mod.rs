@@ -3,11 +3,15 @@
 //! - [`Wire`]: what carries bytes: a [`SerialLine`] to a board, or the emulator's pipes.
 //! - [`Peer`]: the board at the other end: commands, answers, telemetry, recordings.
 
+mod access;
 mod peer;
 mod serial;
 
+pub use access::denied;
 pub use peer::{Peer, Telemetry};
 pub use serial::{BAUD, SerialLine};
+
+use std::time::Duration;
 
 use crate::error::Result;
 
@@ -17,11 +21,31 @@ pub const BLOCK: usize = 4096;
 /// What carries bytes to a board and back.
 pub trait Wire {
     /// Whether bytes may be lost or changed under way; where they cannot, a damaged frame is a defect.
-    const NOISY: bool;
+    fn is_noisy(&self) -> bool;
+    /// How long to wait for bytes from now on.
+    fn set_patience(&mut self, patience: Duration) -> Result<()>;
     /// Sends bytes.
     fn write(&mut self, bytes: &[u8]) -> Result<()>;
     /// Waits for bytes; how many came, and none if its patience has ended. Fails if the other end is gone.
     fn read(&mut self, buffer: &mut [u8; BLOCK]) -> Result<usize>;
     /// What a person calls it.
     fn name(&self) -> &str;
+}
+
+impl<W: Wire + ?Sized> Wire for Box<W> {
+    fn is_noisy(&self) -> bool {
+        (**self).is_noisy()
+    }
+    fn set_patience(&mut self, patience: Duration) -> Result<()> {
+        (**self).set_patience(patience)
+    }
+    fn write(&mut self, bytes: &[u8]) -> Result<()> {
+        (**self).write(bytes)
+    }
+    fn read(&mut self, buffer: &mut [u8; BLOCK]) -> Result<usize> {
+        (**self).read(buffer)
+    }
+    fn name(&self) -> &str {
+        (**self).name()
+    }
 }

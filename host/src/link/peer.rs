@@ -14,6 +14,8 @@ use crate::error::{Error, Result};
 /// A telemetry frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Telemetry {
+    /// Counts up with every frame that was due.
+    pub number: u16,
     /// The number of the control period.
     pub period: u32,
     /// The chosen signals in their order.
@@ -46,11 +48,14 @@ impl<T: Number, W: Wire> Peer<T, W> {
 
     /// Asks a board that may have booted long ago to greet, until it does.
     pub fn called(wire: W) -> Result<Self> {
+        Self::called_up_to(CALLS, wire)
+    }
+
+    /// The same with so many calls at most.
+    pub fn called_up_to(calls: u32, wire: W) -> Result<Self> {
         let mut peer = Self::new(wire);
-        for _ in 0..CALLS {
-            // A zero byte ends whatever another program has left half said.
-            peer.wire.write(&[0])?;
-            peer.send(Command::Hello)?;
+        for _ in 0..calls {
+            peer.call()?;
             while peer.fill()? {
                 if peer.reports.iter().any(|r| matches!(r, Report::Hello(_))) {
                     peer.greet()?;
@@ -62,6 +67,13 @@ impl<T: Number, W: Wire> Peer<T, W> {
             "no board answers on {}; is it powered, is it this port, and does it run Bristle's firmware?",
             peer.wire.name()
         )))
+    }
+
+    /// Asks the board to greet, and does not wait.
+    pub fn call(&mut self) -> Result<()> {
+        // A zero byte ends whatever another program has left half said.
+        self.wire.write(&[0])?;
+        self.send(Command::Hello).map(drop)
     }
 
     fn new(wire: W) -> Self {
@@ -123,10 +135,11 @@ impl<T: Number, W: Wire> Peer<T, W> {
         self.sequence = self.sequence.wrapping_add(1);
     }
 
-    /// Sends a command and does not wait.
-    pub fn send(&mut self, command: Command<T>) -> Result<()> {
+    /// Sends a command and does not wait; its number.
+    pub fn send(&mut self, command: Command<T>) -> Result<u16> {
         let frame = self.frame(command)?;
-        self.wire.write(&frame)
+        self.wire.write(&frame)?;
+        Ok(self.sequence)
     }
 
     /// Sends several commands in one piece.
@@ -141,25 +154,50 @@ impl<T: Number, W: Wire> Peer<T, W> {
     /// Waits for the next report. Telemetry is put aside.
     pub fn receive(&mut self) -> Result<Report<T>> {
         loop {
-            match self.reports.pop_front() {
-                Some(Report::Telemetry {
+            if let Some(report) = self.next() {
+                return Ok(report);
+            }
+            if !self.fill()? {
+                return Err(self.silent());
+            }
+        }
+    }
+
+    /// Takes what has come, waiting for the wire's patience at most: the reports, and whether anything came. Telemetry is put
+    /// aside.
+    pub fn poll(&mut self) -> Result<(Vec<Report<T>>, bool)> {
+        let before = self.telemetry.len();
+        self.fill()?;
+        let reports: Vec<Report<T>> = std::iter::from_fn(|| self.next()).collect();
+        let heard = !reports.is_empty() || self.telemetry.len() > before;
+        Ok((reports, heard))
+    }
+
+    /// The next report that has come but is not telemetry, which is put aside.
+    fn next(&mut self) -> Option<Report<T>> {
+        loop {
+            match self.reports.pop_front()? {
+                Report::Telemetry {
                     number,
                     period,
                     words,
-                }) => {
-                    let gap = self
-                        .last_number
-                        .map_or(0, |last| number.wrapping_sub(last) - 1);
-                    self.lost += u32::from(gap);
+                } => {
+                    let expected = self.last_number.map(|last| last.wrapping_add(1));
+                    let gap = expected.map_or(0, |expected| number.wrapping_sub(expected));
+                    self.lost = self.lost.saturating_add(gap.into());
                     self.last_number = Some(number);
                     self.telemetry.push(Telemetry {
+                        number,
                         period,
                         words: words.to_vec(),
                     });
                 }
-                Some(report) => return Ok(report),
-                None if self.fill()? => {}
-                None => return Err(self.silent()),
+                Report::Hello(hello) => {
+                    // Boards count anew after a restart.
+                    self.last_number = None;
+                    return Some(Report::Hello(hello));
+                }
+                report => return Some(report),
             }
         }
     }
@@ -174,7 +212,7 @@ impl<T: Number, W: Wire> Peer<T, W> {
                 Some(frame) => match frame.and_then(decode) {
                     Ok(report) => self.reports.push_back(report),
                     // A real line may begin in the middle of a frame, and has noise.
-                    Err(_) if W::NOISY => self.damaged += 1,
+                    Err(_) if self.wire.is_noisy() => self.damaged += 1,
                     Err(e) => {
                         return Err(Error::Board(format!(
                             "a frame from the firmware is damaged: {e:?}"

@@ -1,11 +1,12 @@
 //! A serial port.
 
 use std::io::{self, ErrorKind, Read, Write};
+use std::path::Path;
 use std::time::Duration;
 
 use serialport::{ClearBuffer, SerialPort};
 
-use super::{BLOCK, Wire};
+use super::{BLOCK, Wire, denied};
 use crate::error::{Error, Result};
 
 /// Bits a second of the board's port, 8N1.
@@ -28,14 +29,12 @@ impl SerialLine {
     pub fn open(name: &str) -> Result<Self> {
         let refused = |e: serialport::Error| {
             let hint = match e.kind() {
-                serialport::ErrorKind::Io(ErrorKind::PermissionDenied) => {
-                    "you may not use it; on Linux your user must be in the group that owns it, often dialout"
-                }
+                serialport::ErrorKind::Io(ErrorKind::PermissionDenied) => denied(Path::new(name)),
                 serialport::ErrorKind::NoDevice
                 | serialport::ErrorKind::Io(ErrorKind::NotFound) => {
-                    "is the board plugged in, and is this its port? Another program may also have it open"
+                    "is the board plugged in, and is this its port (bristle ports lists them)? Another program may also have it open".to_owned()
                 }
-                _ => "is it a serial port?",
+                _ => "is it a serial port?".to_owned(),
             };
             Error::Usage(format!("{name}: cannot be opened: {e}; {hint}"))
         };
@@ -50,8 +49,7 @@ impl SerialLine {
 
     /// From now on the board is known to answer, and is given the time that it may take.
     pub fn be_patient(&mut self) -> Result<()> {
-        let set = self.port.set_timeout(PATIENCE);
-        set.map_err(|e| Error::Board(format!("{}: {e}", self.name)))
+        self.set_patience(PATIENCE)
     }
 
     fn broken(&self, e: &io::Error) -> Error {
@@ -63,7 +61,14 @@ impl SerialLine {
 }
 
 impl Wire for SerialLine {
-    const NOISY: bool = true;
+    fn is_noisy(&self) -> bool {
+        true
+    }
+
+    fn set_patience(&mut self, patience: Duration) -> Result<()> {
+        let set = self.port.set_timeout(patience);
+        set.map_err(|e| Error::Board(format!("{}: {e}", self.name)))
+    }
 
     fn write(&mut self, bytes: &[u8]) -> Result<()> {
         let sent = self.port.write_all(bytes);

@@ -33,7 +33,7 @@ pub fn replay(campaign: &Campaign, board: &mut Board<f32>) -> Result<Vec<Replaye
             let sensors = Sensors::emulated(campaign.count);
             board.restart()?;
             board.tell(Command::Set(Parameters {
-                limits: sensors.limits(),
+                limits: sensors.limits(1.0 / parameters.period),
                 control: single(parameters)?,
             }))?;
             board.tell(Command::Enable)?;
