@@ -15,9 +15,33 @@ const STEPS: usize = 12;
 /// Refines all unknown parameters together by Gauss-Newton on the whitened training rows, within their bounds, and
 /// gives each its standard error. Returns χ².
 pub fn refine(problem: &Problem, model: &mut Model, noise: &Noise, folds: &[Option<usize>]) -> f64 {
-    let evaluate = |model: &Model| counted(problem, model, noise, folds);
+    descend(model, noise, folds, &|model| {
+        counted(problem, model, noise, folds)
+    })
+}
+
+/// The same on rows that are known to be off by so much: what they would be without is fitted.
+pub fn refine_beside(
+    offset: &[f64],
+    problem: &Problem,
+    model: &mut Model,
+    noise: &Noise,
+    folds: &[Option<usize>],
+) -> f64 {
+    let offset = of_folds(&noise.whiten(offset), folds);
+    descend(model, noise, folds, &|model| {
+        counted(problem, model, noise, folds) - &offset
+    })
+}
+
+fn descend(
+    model: &mut Model,
+    noise: &Noise,
+    folds: &[Option<usize>],
+    evaluate: &impl Fn(&Model) -> DVector<f64>,
+) -> f64 {
     let objective = Objective {
-        evaluate: &evaluate,
+        evaluate,
         encoder_energy: noise.encoder_energy,
     };
     let mut current = evaluate(model);
@@ -37,7 +61,7 @@ pub fn refine(problem: &Problem, model: &mut Model, noise: &Noise, folds: &[Opti
         }
     }
     let clusters = clusters(folds);
-    let normal = sums(model, &current, &clusters, &evaluate);
+    let normal = sums(model, &current, &clusters, evaluate);
     uncertainty::assess(model, &free_parameters(model), &normal);
     objective.value(model, &current)
 }
@@ -102,8 +126,12 @@ fn counted(
     noise: &Noise,
     folds: &[Option<usize>],
 ) -> DVector<f64> {
-    let whitened = noise.whiten(&residual(problem, model));
-    let counted = whitened.iter().zip(folds).filter(|(_, f)| f.is_some());
+    of_folds(&noise.whiten(&residual(problem, model)), folds)
+}
+
+/// The rows that have a fold.
+fn of_folds(rows: &[f64], folds: &[Option<usize>]) -> DVector<f64> {
+    let counted = rows.iter().zip(folds).filter(|(_, f)| f.is_some());
     DVector::from_iterator(folds.iter().flatten().count(), counted.map(|(r, _)| *r))
 }
 

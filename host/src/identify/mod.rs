@@ -2,6 +2,7 @@
 
 mod bend;
 mod side;
+mod twin;
 mod smoothing;
 mod width;
 
