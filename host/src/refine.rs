@@ -34,6 +34,23 @@ pub fn refine_beside(
     })
 }
 
+/// The first Gauss-Newton step of [`refine_beside`]; `None` if the rows do not determine it.
+pub fn step_beside(
+    offset: &[f64],
+    problem: &Problem,
+    model: &Model,
+    noise: &Noise,
+    folds: &[Option<usize>],
+) -> Option<Vec<(usize, f64)>> {
+    let offset = of_folds(&noise.whiten(offset), folds);
+    let evaluate = |model: &Model| counted(problem, model, noise, folds) - &offset;
+    let objective = Objective {
+        evaluate: &evaluate,
+        encoder_energy: noise.encoder_energy,
+    };
+    objective.gauss_newton(model, &evaluate(model))
+}
+
 fn descend(
     model: &mut Model,
     noise: &Noise,

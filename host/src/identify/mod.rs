@@ -1,9 +1,10 @@
 //! Identification by the weak form (DBI): from recordings and a model with unknowns to values with errors.
 
 mod bend;
+mod settle;
 mod side;
-mod twin;
 mod smoothing;
+mod twin;
 mod width;
 
 use std::sync::OnceLock;

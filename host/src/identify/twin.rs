@@ -23,9 +23,14 @@ pub(super) struct Twin {
 }
 
 impl Twin {
-    /// Under the recorded input and what it takes besides to stay with the measured motion. `None` where the model
-    /// describes no such axis.
-    pub fn new(model: &Model, recording: &Recording, track: &Track) -> Option<Self> {
+    /// Under the recorded input and what it takes besides to stay with the measured motion, while a load, in N·m or N at
+    /// every sample, disturbs it. `None` where the model describes no such axis.
+    pub fn new(
+        model: &Model,
+        recording: &Recording,
+        track: &Track,
+        loads: &[f64],
+    ) -> Option<Self> {
         let mut plant = plant::new(model).ok()?;
         let authority = plant.authority();
         let omega = TAU * FOLLOWS;
@@ -39,7 +44,7 @@ impl Twin {
             let lacks = omega * (wanted.q - is.q) + 2.0 * (wanted.v - is.v);
             u[k] += omega * lacks / authority;
             if k + 1 < t.len() {
-                plant.advance(t, &u, k, 0.0);
+                plant.advance(t, &u, k, loads[k]);
             }
         }
         let finite = states.iter().all(|s| s.q.is_finite() && s.v.is_finite());
