@@ -18,20 +18,23 @@ pub fn refine(problem: &Problem, model: &mut Model, noise: &Noise, folds: &[Opti
     descend(model, noise, folds, &|model| {
         counted(problem, model, noise, folds)
     })
+    .1
 }
 
-/// The same on rows that are known to be off by so much: what they would be without is fitted.
+/// The same on rows that are known to be off by so much: what they would be without is fitted. Returns the normal equations
+/// at the estimates.
 pub fn refine_beside(
     offset: &[f64],
     problem: &Problem,
     model: &mut Model,
     noise: &Noise,
     folds: &[Option<usize>],
-) -> f64 {
+) -> Normal {
     let offset = of_folds(&noise.whiten(offset), folds);
     descend(model, noise, folds, &|model| {
         counted(problem, model, noise, folds) - &offset
     })
+    .0
 }
 
 /// The first Gauss-Newton step of [`refine_beside`]; `None` if the rows do not determine it.
@@ -51,12 +54,13 @@ pub fn step_beside(
     objective.gauss_newton(model, &evaluate(model))
 }
 
+/// The normal equations at the estimates, and χ².
 fn descend(
     model: &mut Model,
     noise: &Noise,
     folds: &[Option<usize>],
     evaluate: &impl Fn(&Model) -> DVector<f64>,
-) -> f64 {
+) -> (Normal, f64) {
     let objective = Objective {
         evaluate,
         encoder_energy: noise.encoder_energy,
@@ -80,7 +84,8 @@ fn descend(
     let clusters = clusters(folds);
     let normal = sums(model, &current, &clusters, evaluate);
     uncertainty::assess(model, &free_parameters(model), &normal);
-    objective.value(model, &current)
+    let chi2 = objective.value(model, &current);
+    (normal, chi2)
 }
 
 /// Normal equations of the rows of a problem that have a cluster, at the present values of a model.

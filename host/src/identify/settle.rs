@@ -25,7 +25,7 @@ use crate::{refine, system};
 const ROUNDS: usize = 3;
 /// Twins of each recording: the steps of their encoders lie evenly within one another, and their loads come in pairs of
 /// opposite sign, so that what is linear in noise cancels.
-const DRAWS: usize = 4;
+const DRAWS: usize = 6;
 
 /// Twins of the recordings.
 struct Twins {
@@ -66,19 +66,48 @@ impl Workbench {
             return None;
         }
         let mut load = 0.0;
-        for _ in 0..ROUNDS {
-            let twins = self.twins(model, recordings, load)?;
-            let free = refine::free_parameters(model).len();
+        let mut scatter = Scatter::default();
+        for round in 0..ROUNDS {
+            let twins = self.twins(model, recordings, load, round)?;
+            let free = refine::free_parameters(model);
             let residual = system::residual(&self.problem, model);
             let clean = less(&residual, &twins.offset);
-            let noise = Noise::estimate(&self.problem, &clean, free, &twins.folds);
-            if !lessens(&noise.whiten(&clean), &noise.whiten(&residual), &twins.folds) {
+            let noise = Noise::estimate(&self.problem, &clean, free.len(), &twins.folds);
+            if !lessens(
+                &noise.whiten(&clean),
+                &noise.whiten(&residual),
+                &twins.folds,
+            ) {
                 return None;
             }
-            let bias = self.mean_step(&twins, model, &noise)?;
-            refine::refine_beside(&twins.offset, &self.problem, model, &noise, &twins.folds);
+            let steps = self.steps(&twins, model, &noise)?;
+            let before = model.clone();
+            let normal =
+                refine::refine_beside(&twins.offset, &self.problem, model, &noise, &twins.folds);
+            let mean = |at: usize| steps.iter().map(|s| s[at].1).sum::<f64>() / DRAWS as f64;
+            let bias: Vec<(usize, f64)> = (free.iter().enumerate())
+                .map(|(at, &k)| (k, mean(at)))
+                .collect();
+            if round > 0 {
+                scatter.add(&steps, &bias);
+            }
+            let plain = model.clone();
             *model = refine::moved(model, &bias, -1.0)?;
             load = self.load_noise(&noise, model);
+            let (p, w, scale) = normal.covariances()?;
+            let now = free.clone();
+            for (at, &k) in now.iter().enumerate() {
+                let drawn = scatter.deviation(at);
+                if round + 1 == ROUNDS && std::env::var("TRACE").is_ok() {
+                    let v = model.parameters()[k].value.unwrap();
+                    eprintln!("SE,{},{:e},{:e},{:e},{:e},{:e}", model.labels()[k].name, v, p[(at, at)].sqrt() / scale[at], w[(at, at)].sqrt() / scale[at], drawn, bias[at].1);
+                }
+                let parameter = &mut *model.parameters_mut().swap_remove(k);
+                if let Some(se) = plain.parameters()[k].se {
+                    parameter.se = Some(se.max(drawn));
+                }
+            }
+            let _ = before;
         }
         Some(())
     }
@@ -99,8 +128,8 @@ impl Workbench {
     }
 
     /// Twins of the recordings under a load of some RMS; `None` where the model describes no axis that could give them.
-    fn twins(&self, model: &Model, recordings: &[Recording], load: f64) -> Option<Twins> {
-        let make = |draw: usize| self.twin(model, recordings, draw, load);
+    fn twins(&self, model: &Model, recordings: &[Recording], load: f64, round: usize) -> Option<Twins> {
+        let make = |draw: usize| self.twin(model, recordings, (round, draw), load);
         let problems = (0..DRAWS).map(make).collect::<Option<Vec<_>>>()?;
         let residuals: Vec<Vec<f64>> = problems
             .iter()
@@ -129,14 +158,14 @@ impl Workbench {
         &self,
         model: &Model,
         recordings: &[Recording],
-        draw: usize,
+        (round, draw): (usize, usize),
         load: f64,
     ) -> Option<Problem> {
         let before = &self.problem;
         let at = (draw as f64 + 0.5) / DRAWS as f64;
         let sign = if draw.is_multiple_of(2) { 1.0 } else { -1.0 };
         let track = |(index, (recording, track)): (usize, (&Recording, &Track))| {
-            let seed = |draw: usize| (draw * recordings.len() + index) as u64;
+            let seed = |draw: usize| ((round * DRAWS + draw) * recordings.len() + index) as u64;
             let loads = bench::loads(recording.len(), load, seed(draw / 2));
             let loads: Vec<f64> = loads.iter().map(|l| sign * l).collect();
             let twin = Twin::new(model, recording, track, &loads)?;
@@ -156,10 +185,14 @@ impl Workbench {
         ))
     }
 
-    /// The mean step that the rows of twins, less their offset, ask for.
-    fn mean_step(&self, twins: &Twins, model: &Model, noise: &Noise) -> Option<Vec<(usize, f64)>> {
-        let mut mean: Vec<(usize, f64)> = Vec::new();
-        for (problem, residual) in twins.problems.iter().zip(&twins.residuals) {
+    /// The steps that the rows of twins, less their offset, ask for.
+    fn steps(
+        &self,
+        twins: &Twins,
+        model: &Model,
+        noise: &Noise,
+    ) -> Option<Vec<Vec<(usize, f64)>>> {
+        let step = |(problem, residual): (&Problem, &Vec<f64>)| {
             let mut offset = residual.clone();
             let mut folds = vec![None; residual.len()];
             for (here, there) in common(&self.problem.rows, &problem.rows) {
@@ -167,13 +200,34 @@ impl Workbench {
                 folds[there] = twins.folds[here];
             }
             let noise = noise.law.on(problem, &less(residual, &offset), &folds);
-            let step = refine::step_beside(&offset, problem, model, &noise, &folds)?;
-            mean.resize(step.len(), (0, 0.0));
-            for (sum, (k, s)) in mean.iter_mut().zip(step) {
-                *sum = (k, sum.1 + s / DRAWS as f64);
-            }
+            refine::step_beside(&offset, problem, model, &noise, &folds)
+        };
+        let pairs = twins.problems.iter().zip(&twins.residuals);
+        pairs.map(step).collect()
+    }
+}
+
+/// Scatter of the steps that twins ask for: what noise does to estimates.
+#[derive(Default)]
+struct Scatter {
+    squares: Vec<f64>,
+    freedom: f64,
+}
+
+impl Scatter {
+    fn add(&mut self, steps: &[Vec<(usize, f64)>], mean: &[(usize, f64)]) {
+        self.squares.resize(mean.len(), 0.0);
+        self.freedom += steps.len() as f64 - 1.0;
+        for step in steps {
+            let off = step.iter().zip(mean).map(|((_, s), (_, m))| s - m);
+            self.squares.iter_mut().zip(off).for_each(|(sum, o)| *sum += o * o);
         }
-        Some(mean)
+    }
+
+    /// Standard deviation of an estimate; 0 without any steps.
+    fn deviation(&self, at: usize) -> f64 {
+        let squares = self.squares.get(at).copied().unwrap_or_default();
+        (squares / self.freedom.max(1.0)).sqrt()
     }
 }
 
