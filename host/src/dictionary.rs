@@ -23,7 +23,7 @@ pub struct Dictionary {
 }
 
 /// What a residual may depend on.
-const COORDINATES: [&str; 9] = [
+const COORDINATES: [&str; 12] = [
     "velocity",
     "position",
     "position, as friction",
@@ -33,7 +33,13 @@ const COORDINATES: [&str; 9] = [
     "input, as friction",
     "travel since reversal",
     "position and velocity",
+    "position and squared velocity",
+    "input, over time",
+    INERTIA,
 ];
+
+/// The functions of the acceleration, which are left out where that is the response.
+const INERTIA: &str = "time, as inertia";
 
 /// Knots along velocity, position and input; a short recording carries fewer.
 fn knots(samples: usize) -> usize {
@@ -64,14 +70,16 @@ impl Dictionary {
 
     /// The functionals of the dictionary on the windows of a problem.
     ///
-    /// Functions of the input are left out where the input is the response. Its rate of change is in no group: in
-    /// closed loop the input answers the disturbance within a window, which is not physics left out.
+    /// Functions of the input are left out where the input is the response, those of the acceleration where that is. The
+    /// rate of change of the input is in no group: in closed loop the input answers the disturbance within a window, which
+    /// is not physics left out.
     ///
     /// # Panics
     /// With the problem of other recordings than the dictionary's.
     pub fn groups(&self, problem: &Problem) -> Vec<Group> {
-        let kept = |coordinate: &&'static str| {
-            problem.response == Response::Acceleration || !coordinate.starts_with("input")
+        let kept = |coordinate: &&'static str| match problem.response {
+            Response::Acceleration => *coordinate != INERTIA,
+            Response::Force => !coordinate.starts_with("input"),
         };
         let coordinates = COORDINATES.into_iter().enumerate();
         coordinates
@@ -84,6 +92,9 @@ impl Dictionary {
     }
 
     fn columns(&self, coordinate: &str, problem: &Problem) -> Vec<Vec<f64>> {
+        if coordinate == INERTIA {
+            return self.inertia_over_time(problem);
+        }
         let mut columns: Vec<Vec<f64>> = Vec::new();
         for (track, windows) in problem.tracks.iter().zip(&problem.windows) {
             let signals = signals(coordinate, track, &self.grids);
@@ -94,6 +105,25 @@ impl Dictionary {
         }
         columns
     }
+
+    /// The inertial torque times functions of time, which hardly change within a window.
+    fn inertia_over_time(&self, problem: &Problem) -> Vec<Vec<f64>> {
+        let knots = problem.tracks.iter().map(|t| times(t, self.grids.times));
+        let knots: Vec<Vec<f64>> = knots.collect();
+        let rows = || problem.rows.iter().zip(problem.acceleration.iter());
+        let at = |j: usize| {
+            let column = rows().map(|(&row, a)| a * hat(&knots[row.track], j, problem.time(row)));
+            column.collect()
+        };
+        (0..self.grids.times).map(at).collect()
+    }
+}
+
+/// Knots along the time of a track.
+fn times(track: &Track, count: usize) -> Vec<f64> {
+    let duration = track.cells.len() as f64 * track.period;
+    let knot = |k: usize| track.start + duration * k as f64 / (count - 1) as f64;
+    (0..count).map(knot).collect()
 }
 
 struct Grids {
@@ -107,11 +137,6 @@ struct Grids {
 /// The signals of one coordinate in every cell of a track, one for each function.
 fn signals(coordinate: &str, track: &Track, grids: &Grids) -> Vec<Vec<f64>> {
     let cells = &track.cells;
-    let times = |count: usize| -> Vec<f64> {
-        let duration = cells.len() as f64 * track.period;
-        let knot = |k: usize| track.start + duration * k as f64 / (count - 1) as f64;
-        (0..count).map(knot).collect()
-    };
     let speed = |k: usize| cells[k].v.abs();
     let position = |k: usize| cells[k].q;
     let time = |k: usize| track.cell_time(k);
@@ -139,10 +164,17 @@ fn signals(coordinate: &str, track: &Track, grids: &Grids) -> Vec<Vec<f64>> {
         "position" => table(&grids.position, &position, &one),
         "position, as friction" => table(&grids.position, &position, &sign),
         "position and velocity" => table(&grids.position, &position, &|k| cells[k].v),
-        "time" => table(&times(grids.times), &time, &one),
+        "position and squared velocity" => {
+            table(&grids.position, &position, &|k| cells[k].v * cells[k].v)
+        }
+        "input, over time" => {
+            let input = track.input(&Path::default());
+            table(&times(track, grids.times), &time, &|k| input[k])
+        }
+        "time" => table(&times(track, grids.times), &time, &one),
         "time, as friction" => both(
-            table(&times(grids.times), &time, &sign),
-            table(&times(grids.times), &time, &|k| cells[k].v),
+            table(&times(track, grids.times), &time, &sign),
+            table(&times(track, grids.times), &time, &|k| cells[k].v),
         ),
         "input" => {
             let input = track.input(&Path::default());

@@ -1,4 +1,4 @@
-//! Linear least squares over whitened rows, with cross-validation by interleaved blocks.
+//! Linear least squares over whitened rows, with cross-validation by blocks that take turns.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -9,11 +9,14 @@ pub struct Score {
     pub beta: DVector<f64>,
     /// Sum of squared whitened residuals over all training rows.
     pub chi2: f64,
-    /// Sum of squared whitened residuals of each fold, predicted by a fit to the others.
-    pub by_fold: Vec<f64>,
-    /// Sum over the folds.
+    /// Sum of squared whitened residuals of each block of rows, predicted by a fit to the other folds.
+    pub by_block: Vec<f64>,
+    /// Sum over the blocks.
     pub cross_validated: f64,
 }
+
+/// Number of folds of a cross-validation.
+pub const FOLDS: usize = 5;
 
 /// `XᵀX`, `Xᵀy` and `yᵀy` of some rows.
 #[derive(Clone)]
@@ -63,22 +66,24 @@ impl Gram {
 /// `errors` names a column that carries noise of a known energy (over all rows): it is taken off the normal equations,
 /// which removes the attenuation that it would cause (Fuller, Measurement Error Models, 1987, sec. 2.2).
 ///
-/// `folds[k]` is the fold of row `k`, `None` for rows that no fit may see. Returns `None` when the columns do not
-/// determine β.
+/// `blocks[k]` is the block of row `k`, `None` for rows that no fit may see; blocks are dealt out in turn to [`FOLDS`] folds.
+/// Returns `None` when the columns do not determine β.
 pub fn score(
     response: &[f64],
     columns: &[&[f64]],
-    folds: &[Option<usize>],
+    blocks: &[Option<usize>],
     ridge: f64,
     errors: Option<(usize, f64)>,
 ) -> Option<Score> {
     let n = columns.len();
-    let count = folds.iter().flatten().max()? + 1;
+    let count = blocks.iter().flatten().max()? + 1;
     let mut grams = vec![Gram::zero(n); count];
+    let mut sizes = vec![0_usize; count];
     let mut x = vec![0.0; n];
-    for (row, fold) in folds.iter().enumerate() {
-        let Some(fold) = *fold else { continue };
-        let gram = &mut grams[fold];
+    for (row, block) in blocks.iter().enumerate() {
+        let Some(block) = *block else { continue };
+        sizes[block] += 1;
+        let gram = &mut grams[block];
         x.iter_mut().zip(columns).for_each(|(x, c)| *x = c[row]);
         let y = response[row];
         gram.yy += y * y;
@@ -89,38 +94,54 @@ pub fn score(
             column.iter_mut().zip(&x).for_each(|(g, xi)| *g += xi * xj);
         }
     }
-    let rows = folds.iter().flatten().count() as f64;
-    for (fold, gram) in grams.iter_mut().enumerate() {
+    let rows = sizes.iter().sum::<usize>() as f64;
+    for (gram, size) in grams.iter_mut().zip(&sizes) {
         if let Some((column, energy)) = errors {
-            let share = folds.iter().flatten().filter(|f| **f == fold).count() as f64 / rows;
-            gram.xx[(column, column)] -= share * energy;
+            gram.xx[(column, column)] -= *size as f64 / rows * energy;
         }
         gram.xx.fill_lower_triangle_with_upper_triangle();
     }
-    let mut total = Gram::zero(n);
-    for gram in &grams {
-        total.xx += &gram.xx;
-        total.xy += &gram.xy;
-        total.yy += gram.yy;
-    }
+    let sum = |grams: &mut dyn Iterator<Item = &Gram>| {
+        grams.fold(Gram::zero(n), |mut sum, gram| {
+            sum.xx += &gram.xx;
+            sum.xy += &gram.xy;
+            sum.yy += gram.yy;
+            sum
+        })
+    };
+    let total = sum(&mut grams.iter());
     // Columns keep the norms of all rows: one that vanishes outside a fold must not blow up rounding errors.
     let scale = total.scale();
     let beta = total.solve(ridge, &scale)?;
-    let mut by_fold = Vec::with_capacity(count);
-    for gram in &grams {
+    let mut by_block = vec![0.0; count];
+    for fold in 0..FOLDS.min(count) {
+        let own = sum(&mut grams.iter().skip(fold).step_by(FOLDS));
         let others = Gram {
-            xx: &total.xx - &gram.xx,
-            xy: &total.xy - &gram.xy,
+            xx: &total.xx - &own.xx,
+            xy: &total.xy - &own.xy,
             yy: 0.0,
         };
-        by_fold.push(gram.residual(&others.solve(ridge, &scale)?));
+        let beta = others.solve(ridge, &scale)?;
+        for block in (fold..count).step_by(FOLDS) {
+            by_block[block] = grams[block].residual(&beta);
+        }
     }
+    let by_block: Vec<f64> = (by_block.into_iter().zip(sizes))
+        .filter_map(|(error, size)| (size > 0).then_some(error))
+        .collect();
     Some(Score {
         chi2: total.residual(&beta),
         beta,
-        cross_validated: by_fold.iter().sum(),
-        by_fold,
+        cross_validated: by_block.iter().sum(),
+        by_block,
     })
+}
+
+/// Scalar product of two slices of equal length.
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let length = a.len();
+    let view = nalgebra::DVectorView::from_slice;
+    view(a, length).dot(&view(b, length))
 }
 
 /// `response − columns·β` of every row, over as many columns as β has entries.
@@ -150,8 +171,8 @@ mod tests {
             .collect()
     }
 
-    fn folds() -> Vec<Option<usize>> {
-        (0..ROWS).map(|k| Some(k / 100 % 5)).collect()
+    fn blocks() -> Vec<Option<usize>> {
+        (0..ROWS).map(|k| Some(k / 100)).collect()
     }
 
     #[test]
@@ -160,7 +181,7 @@ mod tests {
         let response: Vec<f64> = truth.iter().map(|x| 2.0 * x).collect();
         let seen: Vec<f64> = truth.iter().zip(&error).map(|(x, e)| x + 0.5 * e).collect();
         let slope = |errors| {
-            let fit = score(&response, &[&seen], &folds(), 0.0, errors).unwrap();
+            let fit = score(&response, &[&seen], &blocks(), 0.0, errors).unwrap();
             fit.beta[0]
         };
         // Attenuation by 1/(1 + 0.25); the scatter of the estimate is about 1/√4000.
@@ -174,9 +195,9 @@ mod tests {
         let response: Vec<f64> = x.iter().zip(&y).map(|(x, e)| x + e).collect();
         let useless: Vec<Vec<f64>> = (10..40).map(noise).collect();
         let mut columns: Vec<&[f64]> = vec![&x];
-        let small = score(&response, &columns, &folds(), 0.0, None).unwrap();
+        let small = score(&response, &columns, &blocks(), 0.0, None).unwrap();
         columns.extend(useless.iter().map(Vec::as_slice));
-        let large = score(&response, &columns, &folds(), 0.0, None).unwrap();
+        let large = score(&response, &columns, &blocks(), 0.0, None).unwrap();
         assert!(large.chi2 < small.chi2 && large.cross_validated > small.cross_validated);
     }
 

@@ -3,6 +3,7 @@
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use crate::linear;
 use crate::problem::{Problem, Response};
 use crate::weak::Part;
 
@@ -37,11 +38,30 @@ pub struct Law {
     correlation: Vec<f64>,
 }
 
-/// Consecutive rows with their banded Cholesky factor, row by row: `factor[i][d]` is entry `(i, i − d)`.
+/// Consecutive rows with what whitens each: a banded Cholesky factor `L` of their correlation.
 #[derive(Clone, Debug)]
 struct Block {
     start: usize,
-    factor: Vec<Vec<f64>>,
+    lines: Vec<Line>,
+}
+
+/// A row `i` of `L`, divided by its diagonal.
+#[derive(Clone, Debug)]
+struct Line {
+    /// `1/Lᵢᵢ`.
+    scale: f64,
+    /// `Lᵢⱼ/Lᵢᵢ` for the last rows `j < i`, in their order.
+    past: Vec<f64>,
+}
+
+impl Line {
+    /// Of `(i, i)`, `(i, i − 1)` and so on.
+    fn new(entries: &[f64]) -> Self {
+        Self {
+            scale: 1.0 / entries[0],
+            past: entries[1..].iter().rev().map(|x| x / entries[0]).collect(),
+        }
+    }
 }
 
 impl Noise {
@@ -104,13 +124,10 @@ impl Noise {
     pub fn whiten(&self, rows: &[f64]) -> Vec<f64> {
         let mut out = vec![0.0; rows.len()];
         for block in &self.blocks {
-            for (i, factor) in block.factor.iter().enumerate() {
+            for (i, line) in block.lines.iter().enumerate() {
                 let at = block.start + i;
-                let mut sum = rows[at] / self.sigma[at];
-                for (d, f) in factor.iter().enumerate().skip(1) {
-                    sum -= f * out[at - d];
-                }
-                out[at] = sum / factor[0];
+                let past = linear::dot(&line.past, &out[at - line.past.len()..at]);
+                out[at] = rows[at] / self.sigma[at] * line.scale - past;
             }
         }
         out.iter_mut().zip(&self.weight).for_each(|(x, w)| *x *= w);
@@ -228,21 +245,19 @@ fn correlation(problem: &Problem, z: &[f64]) -> Vec<f64> {
 }
 
 fn blocks(problem: &Problem, correlation: &[f64]) -> Vec<Block> {
-    let mut blocks: Vec<Block> = Vec::new();
+    // `factor[i][d]` is entry `(i, i − d)`.
+    let mut blocks: Vec<(usize, Vec<Vec<f64>>)> = Vec::new();
     for (i, row) in problem.rows.iter().enumerate() {
         let fresh = i == 0 || {
             let before = problem.rows[i - 1];
             before.track != row.track || before.part != row.part
         };
         if fresh {
-            blocks.push(Block {
-                start: i,
-                factor: Vec::new(),
-            });
+            blocks.push((i, Vec::new()));
         }
-        let block = blocks.last_mut().expect("the first row opens a block");
+        let (start, factor) = blocks.last_mut().expect("the first row opens a block");
         let hop = problem.windows[row.track].hop;
-        let local = i - block.start;
+        let local = i - *start;
         let depth = (1..=local)
             .take_while(|d| (row.centre - problem.rows[i - d].centre) / hop <= REACH)
             .count();
@@ -254,7 +269,7 @@ fn blocks(problem: &Problem, correlation: &[f64]) -> Vec<Block> {
             let other = if d == 0 {
                 None
             } else {
-                Some(&block.factor[local - d])
+                Some(&factor[local - d])
             };
             for e in d + 1..=depth {
                 let right = match other {
@@ -268,7 +283,12 @@ fn blocks(problem: &Problem, correlation: &[f64]) -> Vec<Block> {
                 Some(f) => sum / f[0],
             };
         }
-        block.factor.push(line);
+        factor.push(line);
     }
-    blocks
+    let lines = |factor: Vec<Vec<f64>>| factor.iter().map(|line| Line::new(line)).collect();
+    let block = |(start, factor)| Block {
+        start,
+        lines: lines(factor),
+    };
+    blocks.into_iter().map(block).collect()
 }

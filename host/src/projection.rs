@@ -2,6 +2,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::linear::dot;
+
 /// A fit over some rows, taken out of everything.
 pub struct Projection {
     rows: Vec<usize>,
@@ -12,12 +14,6 @@ pub struct Projection {
 
 /// Columns that the fit leaves less than this share of are part of it.
 const NOTHING: f64 = 1e-10;
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let length = a.len();
-    let view = nalgebra::DVectorView::from_slice;
-    view(a, length).dot(&view(b, length))
-}
 
 impl Projection {
     /// Fits `columns` to a response over the rows that are `seen`.

@@ -12,7 +12,7 @@ use nalgebra::DVector;
 
 use crate::effects::{Effect, Path, Seat};
 use crate::error::{Error, Result};
-use crate::linear::{self, Score};
+use crate::linear::{self, FOLDS, Score};
 use crate::model::{Causality, Model, Parameter, Term};
 use crate::noise::Noise;
 use crate::problem::{Column, Problem, Response};
@@ -51,20 +51,29 @@ pub struct System {
     errors: Option<(usize, f64)>,
 }
 
-/// Folds of the training rows: blocks of this many seconds are dealt out in turn.
+/// Blocks of the training rows, which are dealt out in turn to the folds of a cross-validation, last this many seconds.
 const BLOCK: f64 = 1.2;
-/// Number of folds.
-const FOLDS: usize = 5;
 
-/// The cross-validation fold of every training row; `None` for held-out rows.
+/// The block of every training row, see [`linear::score`]; `None` for held-out rows. Each recording begins with the first
+/// fold.
 pub fn folds(problem: &Problem) -> Vec<Option<usize>> {
-    let fold = |row: &crate::problem::Row| {
-        let track = &problem.tracks[row.track];
-        let block = block(track.boundary as f64 * track.period);
-        let time = row.centre as f64 * track.period;
-        (row.part == Part::Train).then(|| (time / block) as usize % FOLDS)
+    let mut first = 0;
+    let starts: Vec<(usize, f64)> = problem
+        .tracks
+        .iter()
+        .map(|track| {
+            let training = track.boundary as f64 * track.period;
+            let start = (first, block(training));
+            first += ((training / start.1) as usize + 1).next_multiple_of(FOLDS);
+            start
+        })
+        .collect();
+    let number = |row: &crate::problem::Row| {
+        let (first, block) = starts[row.track];
+        let time = row.centre as f64 * problem.tracks[row.track].period;
+        (row.part == Part::Train).then(|| first + (time / block) as usize)
     };
-    problem.rows.iter().map(fold).collect()
+    problem.rows.iter().map(number).collect()
 }
 
 /// Length of the blocks that folds are made of, s. Short recordings are cut into smaller ones, so that every fold has its

@@ -23,8 +23,9 @@ pub(super) const FLOOR: f64 = 0.19;
 const SMALLEST: f64 = 0.005;
 /// The instant of a reversal is uncertain by about this share of a sampling interval.
 const TIMING: f64 = 0.1;
-/// Least t of a gain: 5 % one-sided, with the four degrees of freedom of five folds.
-pub(super) const CERTAIN: f64 = 2.13;
+/// Least t of a gain: 5 % one-sided, with the nine degrees of freedom of the ten blocks that there are at least; of many
+/// blocks it is 3 to 4 %.
+pub(super) const CERTAIN: f64 = 1.83;
 /// Least fall of BIC: odds of e³ against the simpler model beyond the price of parameters and search.
 pub(super) const LEAST_DELTA_BIC: f64 = 6.0;
 /// Most effects named at once.
@@ -46,7 +47,7 @@ pub(super) struct Leftover {
     pub gain: f64,
     /// RMS torque that goes with it, over the RMS of the drive.
     pub size: f64,
-    /// Whether something is certainly left: large enough to matter, and no chance of a few folds.
+    /// Whether something is certainly left: large enough to matter, and no chance of a few blocks.
     pub certain: bool,
     /// Gain of each group alone, best first.
     pub coordinates: Vec<(&'static str, f64)>,

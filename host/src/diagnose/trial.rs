@@ -22,7 +22,7 @@ pub(super) struct Trial {
 }
 
 impl Trial {
-    /// Whether its gain is no chance of a few folds.
+    /// Whether its gain is no chance of a few blocks.
     pub fn certain(&self) -> bool {
         self.gain.t >= CERTAIN
     }
@@ -44,14 +44,14 @@ pub(super) struct Base<'a> {
 pub(super) struct Gain {
     /// As a share of the error before.
     pub share: f64,
-    /// Mean fall in a fold over its standard error, Student's t with one degree of freedom less than folds.
+    /// Mean fall in a block over its standard error, Student's t with one degree of freedom less than blocks.
     pub t: f64,
 }
 
 impl Gain {
     fn of(before: &Score, after: &Score) -> Self {
-        let folds = before.by_fold.iter().zip(&after.by_fold);
-        let falls: Vec<f64> = folds.map(|(b, a)| b - a).collect();
+        let blocks = before.by_block.iter().zip(&after.by_block);
+        let falls: Vec<f64> = blocks.map(|(b, a)| b - a).collect();
         Self {
             share: 1.0 - after.cross_validated / before.cross_validated,
             t: students_t(&falls),

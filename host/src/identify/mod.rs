@@ -207,7 +207,11 @@ impl Workbench {
             }
         }
         let chi2 = refine::refine(&self.problem, &mut model, &self.noise, &self.folds);
-        Ok((model, chi2))
+        // What is allowed depends on other parameters, which have moved: a load is part of the inertia.
+        match system::inadmissible(&model) {
+            Some(term) => self.with_nothing_of(term, &model),
+            None => Ok((model, chi2)),
+        }
     }
 
     /// Gives the linear parameters of a model their values.

@@ -19,7 +19,7 @@ use crate::system::System;
 /// torque goes into acceleration, so the motion is next to imposed. A baseline that leaves much out disturbs alike,
 /// hence the second comparison, with the tolerance of a rough model.
 ///
-/// Also gives the inertia that the force side finds, with all generic functions in if that is positive.
+/// Also gives an inertia to fall back on: the force side's, with all generic functions in if that is positive.
 pub(super) fn choose_response(
     problem: &mut Problem,
     model: &Model,
@@ -66,10 +66,12 @@ pub(super) fn choose_response(
     };
     let (full, plain) = (by_both_sides(&all)?, by_both_sides(&[])?);
     let positive = |j: Option<f64>| j.filter(|j| *j > 0.0);
-    // A short recording may carry functions of position, gravity and springs among them, but not the whole dictionary.
+    // A short recording may carry functions of position, gravity and springs among them, but not the whole dictionary. Where
+    // the force side fails, so little of the torque accelerates that the other side's inertia, too large, is all there is.
     let robust = positive(full.1)
         .or(positive(by_both_sides(&position)?.1))
-        .or(positive(plain.1));
+        .or(positive(plain.1))
+        .or(positive(full.0));
     let disagree = |(acceleration, force): (Option<f64>, Option<f64>), tolerance: f64| match (
         acceleration,
         force,

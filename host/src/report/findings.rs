@@ -164,6 +164,21 @@ fn advice(coordinate: &str) -> &'static str {
         "position and velocity" => {
             "Friction that depends on position and speed together: record several steady speeds over the same travel."
         }
+        "position and squared velocity" => {
+            "An inertia that changes along the travel (crank, linkage, swinging load): record fast and slow passes over the same travel."
+        }
+        "input, over time" | "time, as inertia" => {
+            "A drive whose gain, or a load whose inertia, changed during the run: log supply voltage and temperature, and repeat the same motion early and late."
+        }
+        "time, as friction in spells" => {
+            "Friction that comes and goes (dirt, chips, a cable that rubs): look at the residual against time, then repeat the run; what comes back at another time is loose."
+        }
+        "time, in spells" => {
+            "A load that comes and goes: look at the residual against time, then repeat the run; what comes back at another time is not the axis."
+        }
+        "time, periodically" => {
+            "Something that oscillates at a fixed frequency (periodic-disturbance): record with the drive enabled and the axis held, and look for the line in the spectrum."
+        }
         _ => {
             "Record again so that this coordinate varies while the others stay the same, and compare."
         }
