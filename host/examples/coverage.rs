@@ -97,7 +97,8 @@ fn main() {
     };
     let runs = number("runs", 100.0) as u64;
     let seed = number("seed", 1.0) as u64;
-    let mut dump = option("dump").map(|path| std::fs::File::create(path).map(std::io::BufWriter::new));
+    let mut dump =
+        option("dump").map(|path| std::fs::File::create(path).map(std::io::BufWriter::new));
     if let Some(Ok(dump)) = &mut dump {
         let _ = writeln!(dump, "law,seed,parameter,truth,value,se");
     }
@@ -133,7 +134,8 @@ fn print_line(law: &str, name: &str, of: &[(u64, Estimate)]) {
         values.sort_by(f64::total_cmp);
         values
     };
-    let quantile = |values: &[f64], share: f64| values[(share * (values.len() - 1) as f64) as usize];
+    let quantile =
+        |values: &[f64], share: f64| values[(share * (values.len() - 1) as f64) as usize];
     if of.is_empty() {
         return println!("{law:16} {name:18}     0");
     }
@@ -233,7 +235,7 @@ fn attempt(law: &str, extra: &[&str], seed: u64, set: Set) -> bristle::error::Re
         recordings.push(record(&plant, &signal, Some(control), sensors(seed + 1))?);
     }
     let (bench, found) = identify(&recordings, &asked, Options::default())?;
-    let mut model = found.model;
+    let mut model = bench.unbiased(found, &recordings)?.model;
     if set.pem {
         let options = pem::Options {
             optimiser: Optimiser::LevenbergMarquardt,

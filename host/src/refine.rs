@@ -37,21 +37,37 @@ pub fn refine_beside(
     .0
 }
 
-/// The first Gauss-Newton step of [`refine_beside`]; `None` if the rows do not determine it.
-pub fn step_beside(
-    offset: &[f64],
+/// What rows make of errors in them: the step of the free parameters of a model that the first of some errors calls for,
+/// less what encoder noise in the acceleration regressor adds to it, and `(JᵀJ)⁻¹·Jᵀe` of all others, a column each. `None`
+/// if the rows do not determine it.
+pub fn answers(
+    errors: &[Vec<f64>],
     problem: &Problem,
     model: &Model,
     noise: &Noise,
     folds: &[Option<usize>],
-) -> Option<Vec<(usize, f64)>> {
-    let offset = of_folds(&noise.whiten(offset), folds);
-    let evaluate = |model: &Model| counted(problem, model, noise, folds) - &offset;
-    let objective = Objective {
-        evaluate: &evaluate,
-        encoder_energy: noise.encoder_energy,
-    };
-    objective.gauss_newton(model, &evaluate(model))
+) -> Option<(DVector<f64>, DMatrix<f64>)> {
+    let free = free_parameters(model);
+    let jacobian = jacobian(model, &free, &|model: &Model| {
+        counted(problem, model, noise, folds)
+    });
+    let whitened = errors.iter().map(|e| of_folds(&noise.whiten(e), folds));
+    let whitened: Vec<DVector<f64>> = whitened.collect();
+    let (first, others) = whitened.split_first()?;
+    let mut normal = Normal::new(&jacobian, first, &[]);
+    normal.encoder_energy = noise.encoder_energy;
+    let step = normal.step(model, &free)?.into_iter().map(|(_, s)| s);
+    let step = DVector::from_iterator(free.len(), step);
+    let right = jacobian.tr_mul(&DMatrix::from_columns(others));
+    Some((step, normal.solve(model, &free, &right)?))
+}
+
+/// How the residual of every row moves with each free parameter.
+pub fn sensitivities(problem: &Problem, model: &Model) -> Vec<Vec<f64>> {
+    let evaluate = |model: &Model| DVector::from_vec(residual(problem, model));
+    let free = free_parameters(model).into_iter();
+    free.map(|k| derivative(model, k, &evaluate).as_slice().to_vec())
+        .collect()
 }
 
 /// The normal equations at the estimates, and χ².

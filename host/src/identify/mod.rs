@@ -281,6 +281,20 @@ impl Workbench {
         Ok(Identified { model, chi2, fit })
     }
 
+    /// The same with the bias of measured regressors taken off, and standard errors of what is left: [`settle`]. What a model
+    /// leaves out is not told from noise there, so that a diagnosis starts from [`Workbench::fit`].
+    pub fn unbiased(&self, found: Identified, recordings: &[Recording]) -> Result<Identified> {
+        let Some(model) = self.settled_on_twins(&found.model, recordings) else {
+            return Ok(found);
+        };
+        let fit = fit::judge(&model, recordings, &self.problem.tracks)?;
+        Ok(Identified {
+            model,
+            fit,
+            ..found
+        })
+    }
+
     /// Gives unknown inner parameters the values that fit best, one term after the other.
     fn scan(&self, mut model: Model) -> Result<Model> {
         for at in 0..model.terms.len() {

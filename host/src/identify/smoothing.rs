@@ -1,4 +1,4 @@
-//! What the smoothing of velocity does to estimates, where no twin of the recordings can tell.
+//! What the smoothing of velocity does to estimates.
 
 use super::Workbench;
 use crate::model::Model;
@@ -12,12 +12,12 @@ const ORDER: f64 = 1.5;
 
 impl Workbench {
     /// Estimates a refined model again with velocity smoothed by a filter of half the width, and adds to each standard
-    /// error what the smoothing may have done.
+    /// error what the smoothing does.
     ///
     /// Smoothing rounds off what friction does near standstill within the filter's width, and too little of it leaves
     /// noise in the direction of sliding; neither shows in the scatter of residuals. An effect that grows with power `p`
     /// of the width is `1/(1 − 2^−p)` of the difference between the two estimates.
-    pub(super) fn allow_for_smoothing(&self, model: &mut Model, recordings: &[Recording]) {
+    pub fn settle(&self, model: &mut Model, recordings: &[Recording]) {
         let Some(finer) = self.with_half_the_smoothing(model, recordings) else {
             return;
         };

@@ -25,12 +25,7 @@ pub(super) struct Twin {
 impl Twin {
     /// Under the recorded input and what it takes besides to stay with the measured motion, while a load, in N·m or N at
     /// every sample, disturbs it. `None` where the model describes no such axis.
-    pub fn new(
-        model: &Model,
-        recording: &Recording,
-        track: &Track,
-        loads: &[f64],
-    ) -> Option<Self> {
+    pub fn new(model: &Model, recording: &Recording, track: &Track, loads: &[f64]) -> Option<Self> {
         let mut plant = plant::new(model).ok()?;
         let authority = plant.authority();
         let omega = TAU * FOLLOWS;
@@ -49,6 +44,18 @@ impl Twin {
         }
         let finite = states.iter().all(|s| s.q.is_finite() && s.v.is_finite());
         finite.then_some(Self { u, states })
+    }
+
+    /// What ideal sensors show of it.
+    pub fn ideal(&self, recording: &Recording) -> Recording {
+        let column = |of: fn(&State) -> f64| Some(self.states.iter().map(of).collect());
+        let positions = recording.q.is_some();
+        Recording {
+            u: self.u.clone(),
+            q: column(|s| s.q).filter(|_| positions),
+            v: column(|s| s.v).filter(|_| !positions),
+            ..recording.clone()
+        }
     }
 
     /// What the sensors show of it. `at` from 0 to 1 is where the steps of an encoder lie; `seed` draws other noise.

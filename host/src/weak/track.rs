@@ -514,8 +514,14 @@ fn quantum(x: &[f64]) -> f64 {
             .filter(|&d| d > 1e-12 * largest)
     };
     let smallest = steps().fold(f64::INFINITY, f64::min);
-    let repeats = steps().filter(|d| (d / smallest - 1.0).abs() < 1e-3).count();
-    if repeats * 100 > x.len() { smallest } else { 0.0 }
+    let repeats = steps()
+        .filter(|d| (d / smallest - 1.0).abs() < 1e-3)
+        .count();
+    if repeats * 100 > x.len() {
+        smallest
+    } else {
+        0.0
+    }
 }
 
 /// Standard deviation of the white noise that differences show, quantisation of moving positions among it.
