@@ -68,14 +68,17 @@ fn a_load_that_swings_is_found_and_predicted() {
     assert!(after < 0.3 * before, "{before} {after}");
 }
 
-/// Diagnoses 24 s of an axis under position control that is now the one and now the other of two.
-fn diagnosed_alternately(truths: [&str; 2], second: impl Fn(f64) -> bool) -> Value {
+/// Diagnoses 24 s of an axis under position control, where `axes` is what hangs on the motor and `torque` what the motor
+/// makes of the command, both at their time.
+fn diagnosed_under_control(
+    axes: impl Fn(f64) -> &'static str,
+    torque: impl Fn(f64, State, f64) -> f64,
+) -> Value {
     const RATE: f64 = 500.0;
-    let axis = |text| Axis::new(&Model::parse(text).expect("a valid truth")).expect("all values");
-    let axes = truths.map(axis);
     let count = TAU / 65_536.0;
     let mut rng = ChaCha8Rng::seed_from_u64(3);
     let (mut state, mut before) = (State::default(), 0.0);
+    let (mut hanging, mut axis) = ("", None);
     let sample = |k: u32| {
         let t = f64::from(k) / RATE;
         let wave = |hertz: f64| (TAU * hertz * t).sin();
@@ -84,8 +87,15 @@ fn diagnosed_alternately(truths: [&str; 2], second: impl Fn(f64) -> bool) -> Val
         let u = 6.0 * (reference - q) - 0.05 * (q - before) * RATE;
         before = q;
         let noise: f64 = (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0;
-        let now = &axes[usize::from(second(t))];
-        state = advance(now, u + 0.01 * noise, state, 1.0 / RATE);
+        if hanging != axes(t) {
+            hanging = axes(t);
+            axis = Some(
+                Axis::new(&Model::parse(hanging).expect("a valid truth")).expect("all values"),
+            );
+        }
+        let axis = axis.as_ref().expect("made above");
+        let acting = torque(t, state, u) + 0.01 * noise;
+        state = advance(axis, acting, state, 1.0 / RATE);
         Sample { t, u, q }
     };
     let samples: Vec<Sample> = (0..12_000).map(sample).collect();
@@ -96,29 +106,61 @@ fn diagnosed_alternately(truths: [&str; 2], second: impl Fn(f64) -> bool) -> Val
     folder.json("out.json")
 }
 
+/// A motor that makes what it is told.
+fn faithful(_: f64, _: State, u: f64) -> f64 {
+    u
+}
+
+/// Asserts that something is called unknown, and gives the coordinate that it depends on most.
+fn unknown(json: &Value) -> &str {
+    assert_eq!(json["verdict"], "unknown", "{}", json["text"]);
+    let coordinate = &json["unexplained"]["coordinates"][0][0];
+    coordinate.as_str().expect("the name of a coordinate")
+}
+
 /// No fit sees the last 30 %, so nothing names what acts there alone; but the model is not adequate.
 #[test]
 fn what_acts_in_the_held_out_part_alone_is_noticed() {
-    let json = diagnosed_alternately([PLAIN, UNBALANCED], |t| t > 17.0);
+    let late = |t| if t > 17.0 { UNBALANCED } else { PLAIN };
+    let json = diagnosed_under_control(late, faithful);
     assert_eq!(json["verdict"], "unknown", "{}", json["text"]);
     let text = json["text"].as_str().unwrap_or_default();
     assert!(text.contains("last 30 %"), "{text}");
-    let same = diagnosed_alternately([PLAIN, PLAIN], |t| t > 17.0);
+    let same = diagnosed_under_control(|_| PLAIN, faithful);
     assert_eq!(same["verdict"], "adequate", "{}", same["text"]);
 }
 
 /// Friction that doubles for a second now and then follows no coordinate, and is no noise either.
 #[test]
 fn friction_in_spells_is_noticed() {
-    let dirty = PLAIN.replace("coulomb = 0.12", "coulomb = 0.24");
+    const DIRTY: &str = "[plant]
+motion = \"rotary\"
+inertia = 0.012
+[friction]
+coulomb = 0.24
+viscous = 0.02
+";
     // Beats of two waves without a common period.
     let spell = |t: f64| (TAU * t / 3.1).sin() + (TAU * t / 7.3).sin() > 1.0;
-    let json = diagnosed_alternately([PLAIN, &dirty], spell);
-    assert_eq!(json["verdict"], "unknown", "{}", json["text"]);
-    let coordinate = &json["unexplained"]["coordinates"][0][0];
-    assert_eq!(
-        coordinate, "time, as friction in spells",
-        "{}",
-        json["text"]
+    let json = diagnosed_under_control(|t| if spell(t) { DIRTY } else { PLAIN }, faithful);
+    assert_eq!(unknown(&json), "time, as friction in spells");
+}
+
+/// A torque like that of an inertia which changes along the travel.
+#[test]
+fn what_depends_on_position_and_squared_velocity_is_noticed() {
+    let torque = |_, state: State, u| u - 0.003 * state.v * state.v * (1.7 * state.q).sin();
+    let json = diagnosed_under_control(|_| PLAIN, torque);
+    assert_eq!(unknown(&json), "position and squared velocity");
+}
+
+/// A motor that loses a fifth of its torque while it runs.
+#[test]
+fn a_fading_gain_is_noticed() {
+    let json = diagnosed_under_control(|_| PLAIN, |t, _, u| u * (1.0 - 0.2 * t / 24.0));
+    let coordinate = unknown(&json);
+    assert!(
+        ["input, over time", "time, as inertia"].contains(&coordinate),
+        "{coordinate}"
     );
 }

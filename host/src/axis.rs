@@ -190,7 +190,8 @@ fn hanging(model: &Model) -> Option<(&'static dyn Effect, Inner)> {
     Some((term.effect, inner))
 }
 
-/// What hangs behind the measured side; refuses two loads, and one that is all of the inertia.
+/// What hangs behind the measured side, which a load without inertia does not; refuses two loads, and one that is all of the
+/// inertia.
 fn coupling(model: &Model, inertia: f64) -> Result<Option<Coupling>> {
     let of = |t: &Term| Some((t.effect.id(), t.effect.coupling(&system::values(t))?));
     let mut all = model.terms.iter().filter_map(of);
@@ -201,7 +202,8 @@ fn coupling(model: &Model, inertia: f64) -> Result<Option<Coupling>> {
         )));
     }
     match first {
-        Some((id, coupling)) if coupling.inertia <= 0.0 || coupling.inertia >= inertia => {
+        Some((_, coupling)) if coupling.inertia == 0.0 => Ok(None),
+        Some((id, coupling)) if coupling.inertia < 0.0 || coupling.inertia >= inertia => {
             Err(Error::Usage(format!(
                 "effects.{id}.load_inertia must lie between zero and plant.inertia, of which it is a part"
             )))

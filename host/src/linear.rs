@@ -156,7 +156,7 @@ pub fn residual(response: &[f64], columns: &[&[f64]], beta: &DVector<f64>) -> Ve
 
 #[cfg(test)]
 mod tests {
-    use super::score;
+    use super::{FOLDS, score};
     use rand::{Rng, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
@@ -199,6 +199,27 @@ mod tests {
         columns.extend(useless.iter().map(Vec::as_slice));
         let large = score(&response, &columns, &blocks(), 0.0, None).unwrap();
         assert!(large.chi2 < small.chi2 && large.cross_validated > small.cross_validated);
+    }
+
+    /// One block per fold is plain leave-one-fold-out, refitted by hand; blocks without rows are none.
+    #[test]
+    fn every_block_is_predicted_by_the_other_folds() {
+        let (x, y) = (noise(6), noise(7));
+        let gaps = |k: usize| (k / 100 != 7).then_some(k / 100);
+        let blocks: Vec<Option<usize>> = (0..ROWS).map(gaps).collect();
+        let scored = score(&y, &[&x], &blocks, 0.0, None).unwrap();
+        assert_eq!(scored.by_block.len(), ROWS / 100 - 1);
+        let of = |keep: &dyn Fn(usize) -> bool| {
+            let rows = (0..ROWS).filter(|&k| gaps(k).is_some_and(keep));
+            rows.fold((0.0, 0.0), |(xx, xy), k| {
+                (xx + x[k] * x[k], xy + x[k] * y[k])
+            })
+        };
+        // Block 12 is of fold 2.
+        let (xx, xy) = of(&|block| block % FOLDS != 2);
+        let error: f64 = (1200..1300).map(|k| (y[k] - xy / xx * x[k]).powi(2)).sum();
+        // Block 7 is missing before it.
+        assert!((scored.by_block[11] - error).abs() < 1e-9 * error);
     }
 
     #[test]

@@ -274,6 +274,17 @@ mod tests {
     }
 
     #[test]
+    fn a_load_without_inertia_is_no_load() {
+        let bare = "[plant]\nmotion = \"rotary\"\ninertia = 0.01\n[friction]\ncoulomb = 0.1\nviscous = 0.02\n";
+        let runs = ["", "[effects.backlash]\nload_inertia = 0.0\ngap = 0.02\n"].map(|load| {
+            let axis = Axis::new(&Model::parse(&format!("{bare}{load}")).unwrap()).unwrap();
+            let swinging = recording(300, |t| (40.0 * t).sin());
+            run_axis(&axis, &swinging, 0, 299, State::default())[299]
+        });
+        assert!(runs[0].q != 0.0 && runs[0].q == runs[1].q, "{runs:?}");
+    }
+
+    #[test]
     fn truth_and_reading_are_inverse_and_err_as_said() {
         let text = "[plant]\nmotion = \"rotary\"\ninertia = 0.01\n[friction]\ncoulomb = 0.1\nviscous = 0.0\n[effects.sensor-eccentricity]\namplitude = 0.02\nphase = 0.6\n";
         let axis = Axis::new(&Model::parse(text).unwrap()).unwrap();

@@ -1,6 +1,6 @@
 //! The proof on concealed physics: recordings whose labels are sealed.
 //!
-//! `cargo run --release --example concealed [-- --first N]` makes the recordings that `labels.csv` describes, lets the
+//! `cargo run --release --example concealed [-- --skip N --first N]` makes the recordings that `labels.csv` describes, lets the
 //! diagnosis see nothing of each but the recording and a baseline, and only then opens the labels and prints what it got
 //! right. The file's SHA-256 must be the one in `labels.sha256`, which was committed before the first run. `-- --seal N`
 //! draws N new cases from the operating system's randomness and writes both files.
@@ -23,7 +23,10 @@ fn main() -> ExitCode {
     };
     let done = match number("--seal") {
         Some(count) => labels::seal(count),
-        None => run(number("--first").unwrap_or(usize::MAX)),
+        None => run(
+            number("--skip").unwrap_or(0),
+            number("--first").unwrap_or(usize::MAX),
+        ),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
@@ -34,9 +37,9 @@ fn main() -> ExitCode {
     }
 }
 
-fn run(first: usize) -> Result<(), String> {
+fn run(skip: usize, first: usize) -> Result<(), String> {
     let labels = labels::open()?;
-    let cases: Vec<_> = labels.into_iter().take(first).collect();
+    let cases: Vec<_> = labels.into_iter().skip(skip).take(first).collect();
     let answers = answers::all(&cases);
     tables::print(&answers);
     Ok(())

@@ -101,8 +101,10 @@ fn confirm(
         k -= 1;
         let term = before.terms.len() + k;
         let lacking = select::without(&after, term);
+        // The joint fit may have left nothing of it.
+        let acts = whitened(bench, &after) != whitened(bench, &lacking);
         let dominates = selected[k].trial.gain.share >= DOMINANT;
-        if dominates && !HeldOut::of(bench, &after, &lacking).tells() {
+        if acts && dominates && !HeldOut::of(bench, &after, &lacking).tells() {
             continue;
         }
         let (without, _) = bench.estimate(&lacking)?;
