@@ -158,6 +158,11 @@ impl Law {
         noise
     }
 
+    /// Variance of rows far from reversals.
+    pub fn floor(&self) -> f64 {
+        self.floor
+    }
+
     fn sigma(&self, reversals: &[f64]) -> Vec<f64> {
         let sigma = |r: &f64| (self.floor + self.reversal * r).sqrt().max(1e-300);
         reversals.iter().map(sigma).collect()

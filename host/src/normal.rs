@@ -103,16 +103,34 @@ impl Normal {
         if free.is_empty() || self.rows == 0 {
             return None;
         }
-        let (mut normal, scale) = self.scaled();
         let mut gradient = self.gradient.clone();
         if let Some(at) = free.iter().position(|&k| k == model.moving_inertia()) {
-            normal[(at, at)] -= self.encoder_energy / (scale[at] * scale[at]);
             gradient[at] -= self.encoder_energy * inertia(model);
         }
-        let right = DVector::from_fn(gradient.len(), |i, _| -gradient[i] / scale[i]);
-        let step = normal.cholesky()?.solve(&right);
-        let unscaled = |(i, &k): (usize, &usize)| (k, step[i] / scale[i]);
-        Some(free.iter().enumerate().map(unscaled).collect())
+        let gradient = DMatrix::from_column_slice(gradient.len(), 1, gradient.as_slice());
+        let step = self.solve(model, free, &-gradient)?;
+        let pair = |(i, &k): (usize, &usize)| (k, step[(i, 0)]);
+        Some(free.iter().enumerate().map(pair).collect())
+    }
+
+    /// The solutions of the normal equations, less the encoder's part in them, for each column of right-hand sides; `None`
+    /// if the rows do not determine them.
+    pub fn solve(
+        &self,
+        model: &Model,
+        free: &[usize],
+        right: &DMatrix<f64>,
+    ) -> Option<DMatrix<f64>> {
+        let (mut normal, scale) = self.scaled();
+        if let Some(at) = free.iter().position(|&k| k == model.moving_inertia()) {
+            normal[(at, at)] -= self.encoder_energy / (scale[at] * scale[at]);
+        }
+        let scaled = |right: &DMatrix<f64>| {
+            DMatrix::from_fn(right.nrows(), right.ncols(), |i, j| {
+                right[(i, j)] / scale[i]
+            })
+        };
+        Some(scaled(&normal.cholesky()?.solve(&scaled(right))))
     }
 
     /// Covariance of the free parameters by the residuals' variance and by the scatter of the clusters' gradients, both in

@@ -15,9 +15,70 @@ const STEPS: usize = 12;
 /// Refines all unknown parameters together by Gauss-Newton on the whitened training rows, within their bounds, and
 /// gives each its standard error. Returns χ².
 pub fn refine(problem: &Problem, model: &mut Model, noise: &Noise, folds: &[Option<usize>]) -> f64 {
-    let evaluate = |model: &Model| counted(problem, model, noise, folds);
+    descend(model, noise, folds, &|model| {
+        counted(problem, model, noise, folds)
+    })
+    .1
+}
+
+/// The same on rows that are known to be off by so much: what they would be without is fitted. Returns the normal equations
+/// at the estimates.
+pub fn refine_beside(
+    offset: &[f64],
+    problem: &Problem,
+    model: &mut Model,
+    noise: &Noise,
+    folds: &[Option<usize>],
+) -> Normal {
+    let offset = of_folds(&noise.whiten(offset), folds);
+    descend(model, noise, folds, &|model| {
+        counted(problem, model, noise, folds) - &offset
+    })
+    .0
+}
+
+/// What rows make of errors in them: the step of the free parameters of a model that the first of some errors calls for,
+/// less what encoder noise in the acceleration regressor adds to it, and `(JᵀJ)⁻¹·Jᵀe` of all others, a column each. `None`
+/// if the rows do not determine it.
+pub fn answers(
+    errors: &[Vec<f64>],
+    problem: &Problem,
+    model: &Model,
+    noise: &Noise,
+    folds: &[Option<usize>],
+) -> Option<(DVector<f64>, DMatrix<f64>)> {
+    let free = free_parameters(model);
+    let jacobian = jacobian(model, &free, &|model: &Model| {
+        counted(problem, model, noise, folds)
+    });
+    let whitened = errors.iter().map(|e| of_folds(&noise.whiten(e), folds));
+    let whitened: Vec<DVector<f64>> = whitened.collect();
+    let (first, others) = whitened.split_first()?;
+    let mut normal = Normal::new(&jacobian, first, &[]);
+    normal.encoder_energy = noise.encoder_energy;
+    let step = normal.step(model, &free)?.into_iter().map(|(_, s)| s);
+    let step = DVector::from_iterator(free.len(), step);
+    let right = jacobian.tr_mul(&DMatrix::from_columns(others));
+    Some((step, normal.solve(model, &free, &right)?))
+}
+
+/// How the residual of every row moves with each free parameter.
+pub fn sensitivities(problem: &Problem, model: &Model) -> Vec<Vec<f64>> {
+    let evaluate = |model: &Model| DVector::from_vec(residual(problem, model));
+    let free = free_parameters(model).into_iter();
+    free.map(|k| derivative(model, k, &evaluate).as_slice().to_vec())
+        .collect()
+}
+
+/// The normal equations at the estimates, and χ².
+fn descend(
+    model: &mut Model,
+    noise: &Noise,
+    folds: &[Option<usize>],
+    evaluate: &impl Fn(&Model) -> DVector<f64>,
+) -> (Normal, f64) {
     let objective = Objective {
-        evaluate: &evaluate,
+        evaluate,
         encoder_energy: noise.encoder_energy,
     };
     let mut current = evaluate(model);
@@ -37,9 +98,10 @@ pub fn refine(problem: &Problem, model: &mut Model, noise: &Noise, folds: &[Opti
         }
     }
     let clusters = clusters(folds);
-    let normal = sums(model, &current, &clusters, &evaluate);
+    let normal = sums(model, &current, &clusters, evaluate);
     uncertainty::assess(model, &free_parameters(model), &normal);
-    objective.value(model, &current)
+    let chi2 = objective.value(model, &current);
+    (normal, chi2)
 }
 
 /// Normal equations of the rows of a problem that have a cluster, at the present values of a model.
@@ -102,8 +164,12 @@ fn counted(
     noise: &Noise,
     folds: &[Option<usize>],
 ) -> DVector<f64> {
-    let whitened = noise.whiten(&residual(problem, model));
-    let counted = whitened.iter().zip(folds).filter(|(_, f)| f.is_some());
+    of_folds(&noise.whiten(&residual(problem, model)), folds)
+}
+
+/// The rows that have a fold.
+fn of_folds(rows: &[f64], folds: &[Option<usize>]) -> DVector<f64> {
+    let counted = rows.iter().zip(folds).filter(|(_, f)| f.is_some());
     DVector::from_iterator(folds.iter().flatten().count(), counted.map(|(r, _)| *r))
 }
 

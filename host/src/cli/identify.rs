@@ -179,7 +179,9 @@ impl Command {
         match input {
             Input::Memory(recordings) => {
                 progress.say("identifying");
-                let (bench, mut identified) = identify(&recordings, model, options)?;
+                let (bench, found) = identify(&recordings, model, options)?;
+                progress.say("taking off what sensors and smoothing do");
+                let mut identified = bench.unbiased(found, &recordings)?;
                 let given = (model, &recordings[..]);
                 let minimisation = self.how.refine(&mut identified, &bench, given, progress)?;
                 Ok(Found {

@@ -1,8 +1,10 @@
 //! Identification by the weak form (DBI): from recordings and a model with unknowns to values with errors.
 
 mod bend;
+mod settle;
 mod side;
 mod smoothing;
+mod twin;
 mod width;
 
 use std::sync::OnceLock;
@@ -277,6 +279,25 @@ impl Workbench {
         self.settle(&mut model, recordings);
         let fit = fit::judge(&model, recordings, &self.problem.tracks)?;
         Ok(Identified { model, chi2, fit })
+    }
+
+    /// The same with the bias of measured regressors taken off, and standard errors of what is left: [`settle`].
+    ///
+    /// All that twins do not have is noise to them, what the model leaves out among it. So a model that predicts the training
+    /// part no better with the correction than without keeps what [`Workbench::fit`] found, and a diagnosis starts from that.
+    pub fn unbiased(&self, found: Identified, recordings: &[Recording]) -> Result<Identified> {
+        let Some(model) = self.settled_on_twins(&found.model, recordings) else {
+            return Ok(found);
+        };
+        let fit = fit::judge(&model, recordings, &self.problem.tracks)?;
+        if fit.train.nrmse >= found.fit.train.nrmse {
+            return Ok(found);
+        }
+        Ok(Identified {
+            model,
+            fit,
+            ..found
+        })
     }
 
     /// Gives unknown inner parameters the values that fit best, one term after the other.

@@ -28,6 +28,8 @@ pub struct Track {
     pub barred: Vec<bool>,
     /// Standard deviation of the position noise: quantisation, or what a smooth curve cannot follow.
     pub position_noise: f64,
+    /// Step of the quantiser that the measurements have gone through, in their own unit; 0 if none shows.
+    pub quantum: f64,
     /// Standard deviation of the smoothed velocity.
     pub velocity_noise: f64,
     /// How velocity is smoothed.
@@ -158,7 +160,8 @@ impl Track {
         };
         // Of the samples as they are: interpolation hides the steps of a quantiser.
         let velocity_only = recording.q.is_none();
-        let sample_noise = position_noise(recording.measured());
+        let quantum = quantum(recording.measured());
+        let sample_noise = white_noise(recording.measured()).max(quantum / 12f64.sqrt());
         let (period, q) = if uniform(even) {
             (even, position)
         } else {
@@ -174,6 +177,7 @@ impl Track {
             start: t[0],
             period,
             position_noise: sample_noise,
+            quantum,
             q,
             v: Vec::new(),
             cells: Vec::new(),
@@ -500,27 +504,33 @@ fn resample(t: &[f64], x: &[f64], period: f64) -> Vec<f64> {
         .collect()
 }
 
-/// The larger of the quantisation noise and the white noise that differences show.
-///
-/// A quantiser of step Δ adds noise of variance Δ²/12 while the axis moves. Differences of order k of white
-/// noise of variance σ² have variance C(2k, k)·σ²; their median absolute value, 0.6745·√C(2k, k)·σ, ignores
-/// reversals. Motion itself adds to low orders at low sampling rates, so the smallest of three orders counts.
-fn position_noise(q: &[f64]) -> f64 {
-    let largest = q.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
+/// Step of the quantiser behind a signal: the smallest step that it makes, if many steps repeat it, else 0. Its noise has
+/// the variance Δ²/12 while the axis moves.
+fn quantum(x: &[f64]) -> f64 {
+    let largest = x.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
     let steps = || {
-        q.windows(2)
+        x.windows(2)
             .map(|w| (w[1] - w[0]).abs())
             .filter(|&d| d > 1e-12 * largest)
     };
-    let quantum = steps().fold(f64::INFINITY, f64::min);
-    // The smallest step is a quantum only if many steps repeat it.
-    let repeats = steps().filter(|d| (d / quantum - 1.0).abs() < 1e-3).count();
-    let quantisation = if repeats * 100 > q.len() {
-        quantum / 12f64.sqrt()
+    let smallest = steps().fold(f64::INFINITY, f64::min);
+    let repeats = steps()
+        .filter(|d| (d / smallest - 1.0).abs() < 1e-3)
+        .count();
+    if repeats * 100 > x.len() {
+        smallest
     } else {
         0.0
-    };
-    let mut differences = q.to_vec();
+    }
+}
+
+/// Standard deviation of the white noise that differences show, quantisation of moving positions among it.
+///
+/// Differences of order k of white noise of variance σ² have variance C(2k, k)·σ²; their median absolute value,
+/// 0.6745·√C(2k, k)·σ, ignores reversals. Motion itself adds to low orders at low sampling rates, so the smallest of three
+/// orders counts.
+fn white_noise(x: &[f64]) -> f64 {
+    let mut differences = x.to_vec();
     let mut white = f64::INFINITY;
     for order in 1..=7 {
         differences = differences.windows(2).map(|w| w[1] - w[0]).collect();
@@ -534,12 +544,12 @@ fn position_noise(q: &[f64]) -> f64 {
         sizes.sort_by(f64::total_cmp);
         white = white.min(sizes[sizes.len() / 2] / (0.6745 * central_binomial.sqrt()));
     }
-    white.max(quantisation)
+    white
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{Held, Track, mean_sign, position_noise, resample};
+    use super::{Held, Track, mean_sign, quantum, resample};
     use crate::effects::Path;
     use crate::motion::Motion;
     use crate::recording::Recording;
@@ -605,7 +615,7 @@ mod tests {
         let q: Vec<f64> = (0..2000)
             .map(|k| ((f64::from(k) * 0.01).sin() * 100.0).floor() * 0.01)
             .collect();
-        assert!((position_noise(&q) / (0.01 / 12f64.sqrt()) - 1.0).abs() < 0.3);
+        assert!((quantum(&q) / 0.01 - 1.0).abs() < 1e-6);
     }
 
     #[test]
