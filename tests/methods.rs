@@ -6,6 +6,7 @@ use std::f64::consts::TAU;
 
 use bristle::curve;
 use bristle::excite::{Excitation, Shape};
+use bristle::identify::{self, identify};
 use bristle::model::Model;
 use bristle::pem::{self, Optimiser, Options};
 use bristle::plant;
@@ -254,4 +255,51 @@ fn what_makes_no_sense_is_refused() {
         );
         assert!(!folder.path("out.json").exists());
     }
+}
+
+/// What an encoder's counts do to velocity, and smoothing to friction near standstill, makes bristles look stiffer than they
+/// are: most of that is taken off.
+#[test]
+fn the_bias_of_measured_regressors_is_taken_off() {
+    const DAHL: &str = "[plant]
+motion = \"rotary\"
+inertia = 0.01
+[friction]
+model = \"dahl\"
+coulomb = 0.2
+viscous = 0.02
+bristle_stiffness = 60.0
+";
+    let unknown = |line: &str| match line.split_once(" = ") {
+        Some((key, value)) if value.parse::<f64>().is_ok() => format!("{key} = \"?\"\n"),
+        _ => format!("{line}\n"),
+    };
+    let asked = Model::parse(&DAHL.lines().map(unknown).collect::<String>()).unwrap();
+    let relative_error = |model: &Model| {
+        let labels = model.labels();
+        let at = labels.iter().position(|l| l.name == "bristle_stiffness");
+        let value = model.parameters()[at.unwrap()].value;
+        (value.unwrap() / 60.0 - 1.0).abs()
+    };
+    let errors = [1, 2, 3, 4, 5].map(|seed| {
+        let excitation = Excitation {
+            shape: Shape::Multisine,
+            amplitude: 0.9,
+            band: (0.1, 1.2),
+            duration: 24.0,
+            seed,
+        };
+        let t: Vec<f64> = (0..24_000).map(|k| f64::from(k) * 1e-3).collect();
+        let recordings = [record(DAHL, excitation.values(&t), 0.01, seed)];
+        let (bench, found) = identify(&recordings, &asked, identify::Options::default()).unwrap();
+        let plain = relative_error(&found.model);
+        let unbiased = bench.unbiased(found, &recordings).unwrap();
+        [plain, relative_error(&unbiased.model)]
+    });
+    let typical = |which: usize| {
+        let mut sizes = errors.map(|e| e[which]);
+        sizes.sort_by(f64::total_cmp);
+        sizes[2]
+    };
+    assert!(typical(1) < 0.5 * typical(0), "{errors:?}");
 }

@@ -68,8 +68,12 @@ fn confidence(selected: &Selected, error_after: f64) -> f64 {
         .iter()
         .map(|o| (temper * (o.delta_bic - selected.trial.delta_bic)).exp())
         .sum();
-    (0.99 / (1.0 + others)).max(0.01)
+    (CEILING / (1.0 + others)).max(0.01)
 }
+
+/// Confidence in a name without any rival: of 458 such findings in the first 700 sealed recordings of the `concealed` example,
+/// pairs and physics outside the catalogue among them, so many were right.
+const CEILING: f64 = 0.93;
 
 /// Effects that would have explained at least half as much, each fitted in the place of the finding. Where that leaves an
 /// error larger by what counts as a difference, the data tells the two apart.

@@ -58,7 +58,8 @@ pub fn diagnose(
     let remaining = error(bench, &after)?;
     let reached = (base_error - remaining)
         / (base_error - remaining * (1.0 - leftover.gain)).max(f64::MIN_POSITIVE);
-    let significant = leftover.certain;
+    let little = leftover.size < select::SOUGHT && reached >= 1.0 - select::FLOOR;
+    let significant = leftover.certain && (selected.is_empty() || !little);
     let (selected, mut after) = if significant && reached < SHARE_OF_GENERIC && !selected.is_empty()
     {
         leftover = select::leftover(bench, before)?;

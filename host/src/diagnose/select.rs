@@ -18,9 +18,12 @@ use crate::system;
 /// leave artefacts that are statistically significant but stay below this on clean recordings; the rate of false
 /// alarms that it leaves is measured by the `validate` example.
 pub(super) const FLOOR: f64 = 0.19;
-/// Torque that no effect explains counts from this share of the drive's RMS on: a sixth of the smallest effects that are
-/// looked for (3 %), and about what smoothing and sampling leave behind where the noise is very low.
-const SMALLEST: f64 = 0.005;
+/// The smallest effects that are looked for, as a share of the drive's RMS. Beside effects that were found, what is left
+/// counts from there on, or where they leave more than [`FLOOR`] of what there was to explain.
+pub(super) const SOUGHT: f64 = 0.03;
+/// Torque that no effect explains counts from this share of the drive's RMS on: a sixth of [`SOUGHT`], and about what
+/// smoothing and sampling leave behind where the noise is very low.
+const SMALLEST: f64 = SOUGHT / 6.0;
 /// The instant of a reversal is uncertain by about this share of a sampling interval.
 const TIMING: f64 = 0.1;
 /// Least t of a gain: 5 % one-sided, with the nine degrees of freedom of the ten blocks that there are at least; of many
