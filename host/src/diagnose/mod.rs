@@ -59,7 +59,8 @@ pub fn diagnose(
     let reached = (base_error - remaining)
         / (base_error - remaining * (1.0 - leftover.gain)).max(f64::MIN_POSITIVE);
     let little = leftover.size < select::SOUGHT && reached >= 1.0 - select::FLOOR;
-    let significant = leftover.certain && (selected.is_empty() || !little);
+    let certain = leftover.certain;
+    let significant = certain && (selected.is_empty() || !little);
     let (selected, mut after) = if significant && reached < SHARE_OF_GENERIC && !selected.is_empty()
     {
         leftover = select::leftover(bench, before)?;
@@ -100,12 +101,13 @@ pub fn diagnose(
         whitened(bench, &after)
     };
     let leftover = unexplained(&leftover);
-    let unexplained = significant.then(|| leftover.clone());
+    let remains = certain.then(|| leftover.clone());
+    let unexplained = remains.clone().filter(|_| significant);
     let diagnosis = Diagnosis {
         schema: "bristle.diagnosis/1",
         verdict,
         warnings: check::warnings(bench, before, recordings),
-        text: verdict_sentence(verdict, &findings, unexplained.as_ref(), departs),
+        text: verdict_sentence(verdict, &findings, remains.as_ref(), departs),
         baseline: Baseline {
             parameters: estimates(before, None),
             fit: baseline.fit,
@@ -150,7 +152,7 @@ fn whitened(bench: &Workbench, model: &Model) -> Vec<f64> {
 fn verdict_sentence(
     verdict: Verdict,
     findings: &[Finding],
-    unexplained: Option<&Unexplained>,
+    remains: Option<&Unexplained>,
     departs: bool,
 ) -> String {
     let names: Vec<String> = findings
@@ -159,13 +161,22 @@ fn verdict_sentence(
         .collect();
     match verdict {
         Verdict::Adequate => "The model is adequate: nothing significant is left out.".to_owned(),
-        Verdict::Explained => format!(
-            "The model leaves out: {}. With {} in, nothing significant remains.",
-            names.join("; "),
-            if names.len() > 1 { "them" } else { "it" }
-        ),
+        Verdict::Explained => {
+            let they = if names.len() > 1 { "them" } else { "it" };
+            let rest = match remains {
+                None => "nothing significant remains".to_owned(),
+                Some(rest) => format!(
+                    "no more than {:.1} % of the drive remains unexplained",
+                    100.0 * rest.size
+                ),
+            };
+            format!(
+                "The model leaves out: {}. With {they} in, {rest}.",
+                names.join("; ")
+            )
+        }
         Verdict::Unknown => {
-            let Some(unexplained) = unexplained else {
+            let Some(unexplained) = remains else {
                 if departs {
                     return "The last 30 % of the recording, which no fit has seen, depart from what the rest says: something acts there that the rest does not show. Record again so that all levels of drive, speed and position come early and late.".to_owned();
                 }
