@@ -199,8 +199,10 @@ fn the_firmware_makes_of_an_experiment_what_the_host_does() {
     let folder = Folder::new();
     let image = images.firmware.display();
     folder.done(&format!(
-        "experiment srv02 --plants 1 --seed 5 --json out.json --qemu --image {image}"
+        "experiment srv02 --plants 1 --seed 5 --json out.json --report out.html --qemu --image {image}"
     ));
+    let report = folder.read("out.html");
+    assert!(report.contains("On the firmware"));
     let json = folder.json("out.json");
     let runs = json["on_board"].as_array().expect("a list");
     assert_eq!(runs.len(), 4);

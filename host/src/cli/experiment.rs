@@ -56,7 +56,6 @@ struct Experimented<'a> {
     summaries: Vec<Summary>,
     plants: &'a [Trial],
     /// What the firmware made of the first plant, with `--qemu`.
-    #[cfg(unix)]
     on_board: Option<Vec<trials::Replayed>>,
 }
 
@@ -71,7 +70,6 @@ impl Command {
         let progress = Meter::new();
         progress.say("running plants");
         let campaign = trials::run(self.experiment, self.plants, self.seed)?;
-        #[cfg(unix)]
         let on_board = self.on_board(&campaign, &progress)?;
         progress.finish();
         let experimented = Experimented {
@@ -81,13 +79,13 @@ impl Command {
             claims: campaign.claims(),
             summaries: summaries(&campaign),
             plants: &campaign.trials,
-            #[cfg(unix)]
             on_board,
         };
         let mut outputs = Outputs::default();
         outputs.add(self.json.as_ref(), || json(&experimented))?;
         outputs.add(self.report.as_ref(), || {
-            report::experiment(&campaign, self.seed)
+            let on_board = experimented.on_board.as_deref();
+            report::experiment(&campaign, on_board, self.seed)
         })?;
         let written = outputs.write()?;
         print(&experimented);
@@ -111,6 +109,16 @@ impl Command {
         let image = super::emulate::chosen_image(self.image.as_deref(), F405, false)?;
         let mut board = Board::boot(&image, Launch::F405, Transport::Fast)?;
         trials::replay(campaign, &mut board).map(Some)
+    }
+
+    /// There is no emulated board here.
+    #[cfg(not(unix))]
+    fn on_board(
+        &self,
+        _: &Campaign,
+        _: &Meter,
+    ) -> crate::error::Result<Option<Vec<trials::Replayed>>> {
+        Ok(None)
     }
 }
 
@@ -167,7 +175,6 @@ fn print(e: &Experimented) {
             claim.found
         );
     }
-    #[cfg(unix)]
     for run in e.on_board.iter().flatten() {
         anstream::println!(
             "firmware in QEMU, first plant, {}: {} of {} commands are the host's, bit for bit",

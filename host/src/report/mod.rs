@@ -34,7 +34,7 @@ use crate::error::{Error, Result};
 use crate::experiment::NextExperiment;
 use crate::identify::{Identified, Workbench};
 use crate::recording::Recording;
-use crate::trials::Campaign;
+use crate::trials::{Campaign, Replayed};
 use page::Page;
 
 /// The HTML text of a diagnosis. Fails only if a model has no values, or on a defect.
@@ -69,9 +69,10 @@ pub fn study(
     render(&study::page(study, identified, bench, recordings))
 }
 
-/// The HTML text of an experiment. Fails only on a defect.
-pub fn experiment(campaign: &Campaign, seed: u64) -> Result<String> {
-    render(&trials::page(campaign, seed))
+/// The HTML text of an experiment, and of what the firmware made of its first plant where it was asked. Fails only on a
+/// defect.
+pub fn experiment(campaign: &Campaign, on_board: Option<&[Replayed]>, seed: u64) -> Result<String> {
+    render(&trials::page(campaign, on_board, seed))
 }
 
 /// The HTML text of the whole loop. Fails only on a defect.

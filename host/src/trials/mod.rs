@@ -13,7 +13,7 @@ mod srv02;
 mod summary;
 
 #[cfg(unix)]
-pub use on_board::{Replayed, replay};
+pub use on_board::replay;
 pub use summary::{Claim, Spread, Summary, Verdict};
 
 use bristle_core::control::Parameters;
@@ -130,6 +130,17 @@ impl Shown {
             samples: servo.samples().to_vec(),
         }
     }
+}
+
+/// A run on the board beside that on the host.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Replayed {
+    /// Which way.
+    pub way: Way,
+    /// Control periods.
+    pub periods: usize,
+    /// How many of the commands are the same bits.
+    pub equal: usize,
 }
 
 /// All plants of an experiment.

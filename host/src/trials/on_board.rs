@@ -6,23 +6,11 @@
 
 use bristle_core::drive::Parameters;
 use bristle_core::link::Command;
-use serde::Serialize;
 
-use super::{Campaign, Shown, Way};
+use super::{Campaign, Replayed, Shown};
 use crate::emulate::{Board, Driver, Sensors};
 use crate::error::Result;
 use crate::servo::{set_point, single};
-
-/// A run on the board beside that on the host.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub struct Replayed {
-    /// Which way.
-    pub way: Way,
-    /// Control periods.
-    pub periods: usize,
-    /// How many of the commands are the same bits.
-    pub equal: usize,
-}
 
 /// Repeats the runs of a campaign's first plant on a board that has just started and is off. Left out are those whose
 /// parameters change under way, which a board takes only while it is off.

@@ -12,9 +12,10 @@ use bristle_core::control::{
     Adaptation, Compensation, Driver, Friction, Learning, Method, Parameters,
 };
 use bristle_core::friction::Curve;
+use statrs::function::gamma::gamma;
 
 use crate::error::{Error, Result};
-use crate::model::{Causality, Kind, Law, Model, Motion};
+use crate::model::{Causality, Kind, Label, Law, Model, Motion};
 use crate::plant::{DcMotor, geared_servo};
 
 /// What the owner of an axis asks for.
@@ -204,25 +205,29 @@ pub fn parameters(model: &Model, wish: &Wish) -> Result<Parameters<f64>> {
     Ok(found)
 }
 
-/// The friction law of a model in the words of the controller, whose exponential Stribeck curve has the exponent 2.
+/// The friction law of a model in the words of the controller, whose exponential Stribeck curve has the exponent 2. For
+/// another exponent `δ` its Stribeck velocity is `vs·Γ(1 + 1/δ)/Γ(3/2)`, with which both curves have the same area.
 fn friction(model: &Model) -> Friction<f64> {
     let value = |p: &crate::model::Parameter| p.value.unwrap_or_default();
     let coulomb = value(&model.coulomb).max(0.0);
-    let own = |name: &str| {
-        let labels = model.labels();
-        let at = labels.iter().position(|l| l.name == name)?;
+    let labels = model.labels();
+    let own = |wanted: &dyn Fn(&Label) -> bool| {
+        let at = labels.iter().position(wanted)?;
         model.parameters()[at].value
     };
     let constant = |name: &str| {
         let value = model.constant(&format!("friction.{name}"));
         value.is_finite().then_some(value)
     };
-    let named = |name: &str| own(name).or_else(|| constant(name));
+    let named = |name: &str| own(&|l| l.name == name).or_else(|| constant(name));
+    let exponent = own(&|l| l.name == "exponent" && l.effect.is_none_or(|e| e == "stribeck"));
+    let area = |exponent: f64| gamma(1.0 + 1.0 / exponent);
+    let widened = exponent.map_or(1.0, |exponent| area(exponent) / area(2.0));
     Friction {
         coulomb,
         viscous: value(&model.viscous).max(0.0),
         static_level: named("static").unwrap_or(coulomb).max(coulomb),
-        stribeck_velocity: named("stribeck_velocity").unwrap_or(1.0),
+        stribeck_velocity: widened * named("stribeck_velocity").unwrap_or(1.0),
         curve: if model.law == Law::ModifiedLuGre {
             Curve::Rational
         } else {
@@ -281,6 +286,20 @@ mod tests {
             (0.14, 0.2)
         );
         assert_eq!(super::left_alone(&found), ["quadratic-drag"]);
+    }
+
+    /// `∫e^(−v/vs)dv = vs`, and `∫e^(−(v/w)²)dv = w·√π/2`.
+    #[test]
+    fn another_exponent_keeps_the_area_under_the_stribeck_curve() {
+        let found = Model::parse("[plant]\nmotion = \"rotary\"\ninertia = 0.002\n[friction]\ncoulomb = 0.1\nviscous = 0.015\n[effects.power-law-viscous]\ncoefficient = 0.01\nexponent = 0.5\n[effects.stribeck]\nstatic = 0.14\nstribeck_velocity = 0.2\nexponent = 1.0\n").unwrap();
+        let width = parameters(&found, &WISH)
+            .unwrap()
+            .friction
+            .stribeck_velocity;
+        assert!(
+            (width * 0.5 * std::f64::consts::PI.sqrt() - 0.2).abs() < 1e-9,
+            "{width}"
+        );
     }
 
     #[test]

@@ -5,7 +5,7 @@ mod plots;
 use super::page::{Figure, Item, Page, Role, Section, Table};
 use crate::format::{quantity, scaled_unit, significant, unit};
 use crate::servo::{Aim, Sample};
-use crate::trials::{Campaign, Claim, Experiment, Shown, Spread, Summary, Verdict};
+use crate::trials::{Campaign, Claim, Experiment, Replayed, Shown, Spread, Summary, Verdict};
 use plots::{over_time, plants, tracking_range};
 
 /// Where adaptation is all that differs.
@@ -57,7 +57,7 @@ fn words(experiment: Experiment) -> Words {
 }
 
 /// The page.
-pub(super) fn page(campaign: &Campaign, seed: u64) -> Page {
+pub(super) fn page(campaign: &Campaign, on_board: Option<&[Replayed]>, seed: u64) -> Page {
     let words = words(campaign.experiment);
     let claims = campaign.claims();
     let summaries: Vec<Summary> = campaign
@@ -95,7 +95,10 @@ pub(super) fn page(campaign: &Campaign, seed: u64) -> Page {
             },
             Section {
                 title: "One plant".to_owned(),
-                items: one_plant(campaign, &words),
+                items: one_plant(campaign, &words)
+                    .into_iter()
+                    .chain(on_board.map(firmware).into_iter().flatten())
+                    .collect(),
             },
             Section {
                 title: "What DBI said".to_owned(),
@@ -104,6 +107,27 @@ pub(super) fn page(campaign: &Campaign, seed: u64) -> Page {
             method(&words),
         ],
     }
+}
+
+/// The runs of the plant above on the firmware.
+fn firmware(runs: &[Replayed]) -> Vec<Item> {
+    let row = |run: &Replayed| {
+        let cells = [run.equal, run.periods].map(|n| n.to_string());
+        let [equal, periods] = cells;
+        vec![run.way.name().to_owned(), equal, periods]
+    };
+    let note = "The same encoder counts and set points, given to the firmware in QEMU period by period. Where every command is the host's, bit for bit, the plant moves the same, so this is the same run in closed loop. Ways whose parameters change under way are left out: a board takes new parameters only while it is off.";
+    vec![
+        Item::Text {
+            text: note.to_owned(),
+        },
+        Item::Table(Table {
+            columns: ["On the firmware", "Commands that are the host's", "of"]
+                .map(str::to_owned)
+                .to_vec(),
+            rows: runs.iter().map(row).collect(),
+        }),
+    ]
 }
 
 fn figures(summaries: &[Summary], words: &Words) -> Vec<Figure> {
