@@ -22,8 +22,8 @@ pub struct Dictionary {
     grids: Grids,
 }
 
-/// What a residual may depend on.
-const COORDINATES: [&str; 12] = [
+/// What a residual may depend on. Its noise is what is left beside these.
+const COORDINATES: [&str; 9] = [
     "velocity",
     "position",
     "position, as friction",
@@ -33,10 +33,10 @@ const COORDINATES: [&str; 12] = [
     "input, as friction",
     "travel since reversal",
     "position and velocity",
-    "position and squared velocity",
-    "input, over time",
-    INERTIA,
 ];
+
+/// What else it may depend on. With these as well, a fit to a short recording follows its noise too.
+const RARER: [&str; 3] = ["position and squared velocity", "input, over time", INERTIA];
 
 /// The functions of the acceleration, which are left out where that is the response.
 const INERTIA: &str = "time, as inertia";
@@ -77,11 +77,23 @@ impl Dictionary {
     /// # Panics
     /// With the problem of other recordings than the dictionary's.
     pub fn groups(&self, problem: &Problem) -> Vec<Group> {
-        let kept = |coordinate: &&'static str| match problem.response {
-            Response::Acceleration => *coordinate != INERTIA,
+        self.of(COORDINATES.into_iter().enumerate(), problem)
+    }
+
+    /// Those and the functions of rarer coordinates, likewise.
+    pub fn all_groups(&self, problem: &Problem) -> Vec<Group> {
+        self.of(COORDINATES.into_iter().chain(RARER).enumerate(), problem)
+    }
+
+    fn of(
+        &self,
+        coordinates: impl Iterator<Item = (usize, &'static str)>,
+        problem: &Problem,
+    ) -> Vec<Group> {
+        let kept = |coordinate: &'static str| match problem.response {
+            Response::Acceleration => coordinate != INERTIA,
             Response::Force => !coordinate.starts_with("input"),
         };
-        let coordinates = COORDINATES.into_iter().enumerate();
         coordinates
             .filter(|(_, coordinate)| kept(coordinate))
             .map(|(group, coordinate)| Group {

@@ -281,7 +281,7 @@ pub(super) fn leftover(bench: &Workbench, model: &Model) -> Result<Leftover> {
     };
     let mut groups: Vec<(&'static str, Vec<Vec<f64>>)> = bench
         .dictionary
-        .groups(&bench.problem)
+        .all_groups(&bench.problem)
         .into_iter()
         .map(|g| {
             (
