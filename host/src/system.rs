@@ -62,9 +62,12 @@ pub fn folds(problem: &Problem) -> Vec<Option<usize>> {
         .tracks
         .iter()
         .map(|track| {
-            let training = track.boundary as f64 * track.period;
-            let start = (first, block(training));
-            first += ((training / start.1) as usize + 1).next_multiple_of(FOLDS);
+            let length = block(track.boundary as f64 * track.period);
+            // The training part may go on beyond a piece of a recording.
+            let samples = track.boundary.min(track.cells.len());
+            let blocks = (samples as f64 * track.period / length) as usize + 1;
+            let start = (first, length);
+            first += blocks.next_multiple_of(FOLDS);
             start
         })
         .collect();
