@@ -2,14 +2,12 @@
 //!
 //! | priority | task | what it does |
 //! | --- | --- | --- |
-//! | 3 | `control` | a control period: sample, [`Drive::step`], actuation |
+//! | 3 | `control` | a control period: sample, `Drive::step`, actuation |
 //! | 2 | `serial` | moves bytes between port and frames |
 //! | 0 | `idle` | commands, telemetry, parameters, one after the other; with the fast transport it moves the bytes; sleeps |
 //!
 //! The same path from a byte to an actuation as in `main.rs`, with one room for each kind of thing that waits, as the host
 //! asks one thing at a time. There is no recording ring.
-//!
-//! [`Drive::step`]: bristle_core::drive::Drive::step
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(not(target_os = "none"))]
