@@ -281,7 +281,8 @@ impl Workbench {
         Ok(Identified { model, chi2, fit })
     }
 
-    /// The same with the bias of measured regressors taken off, and standard errors of what is left: [`settle`].
+    /// The same with the bias of measured regressors taken off, and standard errors of what is left, by simulated twins of
+    /// the recordings (indirect inference).
     ///
     /// All that twins do not have is noise to them, what the model leaves out among it. So a model that predicts the training
     /// part no better with the correction than without keeps what [`Workbench::fit`] found, and a diagnosis starts from that.
