@@ -43,17 +43,18 @@ fn model() -> Model {
     Model::parse(AXIS).expect("a model")
 }
 
+const SETUP: Setup = Setup {
+    wish: Wish {
+        bandwidth: 12.0,
+        rate: 1000.0,
+        counts: 16384.0,
+        limit: 1.0,
+    },
+    compensate: true,
+};
+
 fn parameters() -> Parameters<f32> {
-    let setup = Setup {
-        wish: Wish {
-            bandwidth: 12.0,
-            rate: 1000.0,
-            counts: 16384.0,
-            limit: 1.0,
-        },
-        compensate: true,
-    };
-    let mut parameters = emulate::parameters(&model(), &setup, &SENSORS).expect("a controller");
+    let mut parameters = emulate::parameters(&model(), &SETUP, &SENSORS).expect("a controller");
     let limits = &mut parameters.limits;
     (limits.stall, limits.stall_periods) = (0.9, 20);
     (limits.command_timeout, limits.link_timeout) = (30, 40);
@@ -62,23 +63,35 @@ fn parameters() -> Parameters<f32> {
 
 /// A board that is set up and on.
 fn running(transport: Transport, parameters: Parameters<f32>) -> Option<Board<f32>> {
-    let mut board = booted(transport)?;
+    Some(switched_on(booted(transport)?, parameters))
+}
+
+fn switched_on<T: Number>(mut board: Board<T>, parameters: Parameters<T>) -> Board<T> {
     board
         .tell(Command::Set(parameters))
         .expect("valid parameters");
     board.tell(Command::Enable).expect("nothing is wrong");
-    Some(board)
+    board
 }
 
 /// Position control along a sum of two sines.
 fn plan<T: Number>(samples: usize, units: &Units) -> Plan<T> {
-    let t: Vec<f64> = (0..samples).map(|k| k as f64 * 1e-3).collect();
     let reference = |t: f64| {
         let (a, b) = (2.0 * t, 11.0 * t);
         let q = 0.5 * a.sin() + 0.1 * b.sin();
         let v = a.cos() + 1.1 * b.cos();
         (q, (v, -2.0 * a.sin() - 12.1 * b.sin()))
     };
+    plan_along(reference, samples, units)
+}
+
+/// Position control along a path of position, velocity and acceleration at every instant.
+fn plan_along<T: Number>(
+    reference: impl Fn(f64) -> (f64, (f64, f64)),
+    samples: usize,
+    units: &Units,
+) -> Plan<T> {
+    let t: Vec<f64> = (0..samples).map(|k| k as f64 * 1e-3).collect();
     let set_point = |t: &f64| {
         let (q, rates) = reference(*t);
         emulate::position(q, rates, SENSORS.count, units)
@@ -93,8 +106,12 @@ fn plan<T: Number>(samples: usize, units: &Units) -> Plan<T> {
 }
 
 fn run(driver: &mut dyn Driver<f32>, samples: usize) -> Outcome<f32> {
+    follow(driver, &plan(samples, &tune::SI))
+}
+
+fn follow<T: Number>(driver: &mut dyn Driver<T>, plan: &Plan<T>) -> Outcome<T> {
     let mut plant = plant::new(&model()).expect("a plant");
-    emulate::run(driver, plant.as_mut(), &plan(samples, &tune::SI)).expect("a run")
+    emulate::run(driver, plant.as_mut(), plan).expect("a run")
 }
 
 /// Asserts that two runs are the same bits, period by period.
@@ -119,7 +136,11 @@ fn ten_seconds_in_closed_loop_equal_the_hosts_bit_for_bit() {
     let mut host = OnHost::new(parameters()).expect("valid parameters");
     let (board, host) = (run(&mut board, 10_000), run(&mut host, 10_000));
     assert_same(&board, &host);
-    // It is control and not noise: the axis follows to a hundredth of its travel.
+    assert_followed(&board);
+}
+
+/// It is control and not noise: the axis follows to a hundredth of its travel.
+fn assert_followed<T>(board: &Outcome<T>) {
     let errors = board.record.set_point.iter().zip(&board.record.q);
     let worst = errors
         .skip(500)
@@ -138,7 +159,7 @@ fn the_serial_port_gives_the_same_as_the_fast_transport() {
     assert_eq!(counters, Counters::default());
 }
 
-fn status(board: &mut Board<f32>) -> (State, Vec<Fault>, Counters) {
+fn status<T: Number>(board: &mut Board<T>) -> (State, Vec<Fault>, Counters) {
     match board.ask(Command::Status).expect("an answer") {
         Answer::Status {
             state,

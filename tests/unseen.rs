@@ -70,8 +70,8 @@ fn a_load_that_swings_is_found_and_predicted() {
 
 /// Diagnoses 24 s of an axis under position control, where `axes` is what hangs on the motor and `torque` what the motor
 /// makes of the command, both at their time.
-fn diagnosed_under_control(
-    axes: impl Fn(f64) -> &'static str,
+fn diagnosed_under_control<'a>(
+    axes: impl Fn(f64) -> &'a str,
     torque: impl Fn(f64, State, f64) -> f64,
 ) -> Value {
     const RATE: f64 = 500.0;
@@ -133,16 +133,10 @@ fn what_acts_in_the_held_out_part_alone_is_noticed() {
 /// Friction that doubles for a second now and then follows no coordinate, and is no noise either.
 #[test]
 fn friction_in_spells_is_noticed() {
-    const DIRTY: &str = "[plant]
-motion = \"rotary\"
-inertia = 0.012
-[friction]
-coulomb = 0.24
-viscous = 0.02
-";
+    let dirty = PLAIN.replace("coulomb = 0.12", "coulomb = 0.24");
     // Beats of two waves without a common period.
     let spell = |t: f64| (TAU * t / 3.1).sin() + (TAU * t / 7.3).sin() > 1.0;
-    let json = diagnosed_under_control(|t| if spell(t) { DIRTY } else { PLAIN }, faithful);
+    let json = diagnosed_under_control(|t| if spell(t) { &dirty } else { PLAIN }, faithful);
     assert_eq!(unknown(&json), "time, as friction in spells");
 }
 

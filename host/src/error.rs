@@ -1,6 +1,6 @@
 //! What can go wrong, in the words that the user reads.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// A failure with one clear message: what is wrong, where, and what to do.
 #[derive(Debug, thiserror::Error)]
@@ -67,6 +67,18 @@ pub enum Error {
 }
 
 impl Error {
+    /// What does not suit a model, with the name of its file in front; what is wrong with an option names the option.
+    #[must_use]
+    pub fn in_model(self, path: &Path) -> Self {
+        match self {
+            Self::Usage(what) if !what.starts_with("--") => Self::Model {
+                path: path.to_owned(),
+                what,
+            },
+            other => other,
+        }
+    }
+
     /// The process exit status: 2 for unusable input or arguments, 1 for an internal failure.
     pub fn exit_status(&self) -> u8 {
         match self {
@@ -78,3 +90,14 @@ impl Error {
 
 /// Result with [`Error`].
 pub type Result<T> = std::result::Result<T, Error>;
+
+/// Refuses options that are given and are not positive numbers.
+pub fn positive(options: &[(&str, Option<f64>)]) -> Result<()> {
+    let bad = |(name, value): &(&str, Option<f64>)| {
+        let value = value.filter(|x| !(*x > 0.0 && x.is_finite()))?;
+        Some(Error::Usage(format!(
+            "{name} {value} must be a positive number"
+        )))
+    };
+    options.iter().find_map(bad).map_or(Ok(()), Err)
+}

@@ -61,7 +61,7 @@ impl Gram {
     }
 }
 
-/// Fits `response ≈ columns·β` over the rows that have a fold and scores it.
+/// Fits `response ≈ columns·β` over the rows that have a block and scores it.
 ///
 /// `errors` names a column that carries noise of a known energy (over all rows): it is taken off the normal equations,
 /// which removes the attenuation that it would cause (Fuller, Measurement Error Models, 1987, sec. 2.2).

@@ -10,6 +10,14 @@ pub enum Motion {
 }
 
 impl Motion {
+    /// rad or m to a turn or a metre, which encoder counts and periods are counted by.
+    pub fn turn(self) -> f64 {
+        match self {
+            Self::Rotary => std::f64::consts::TAU,
+            Self::Linear => 1.0,
+        }
+    }
+
     /// The word in the model file.
     pub fn as_str(self) -> &'static str {
         match self {

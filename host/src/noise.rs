@@ -74,7 +74,7 @@ impl Noise {
         problem: &Problem,
         residual: &[f64],
         unknowns: usize,
-        folds: &[Option<usize>],
+        seen: &[Option<usize>],
     ) -> Self {
         let reversals = reversal_weights(problem);
         let (floor, reversal) = variances(problem, residual, &reversals, unknowns);
@@ -90,11 +90,11 @@ impl Noise {
             .map(|(r, s)| limit(r / s))
             .collect();
         law.correlation = correlation(problem, &z);
-        law.on(problem, residual, folds)
+        law.on(problem, residual, seen)
     }
 
     /// Sends draws of white noise of the encoder's size through the same windows and the same whitening.
-    fn measure_encoder_energy(&self, problem: &Problem, folds: &[Option<usize>]) -> f64 {
+    fn measure_encoder_energy(&self, problem: &Problem, seen: &[Option<usize>]) -> f64 {
         const DRAWS: usize = 4;
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let mut energy = 0.0;
@@ -112,7 +112,7 @@ impl Noise {
             let z = self.whiten(&rows);
             energy += z
                 .iter()
-                .zip(folds)
+                .zip(seen)
                 .filter(|(_, f)| f.is_some())
                 .map(|(z, _)| z * z)
                 .sum::<f64>();
@@ -136,9 +136,9 @@ impl Noise {
 }
 
 impl Law {
-    /// The noise of the rows of a problem. `residual` tells which of them are outliers; rows without a fold are there for
+    /// The noise of the rows of a problem. `residual` tells which of them are outliers; rows without a block are there for
     /// the whitening of others alone.
-    pub fn on(&self, problem: &Problem, residual: &[f64], folds: &[Option<usize>]) -> Noise {
+    pub fn on(&self, problem: &Problem, residual: &[f64], seen: &[Option<usize>]) -> Noise {
         let sigma = self.sigma(&reversal_weights(problem));
         let mut noise = Noise {
             weight: vec![1.0; sigma.len()],
@@ -153,7 +153,7 @@ impl Law {
             .map(|z| (WINSOR / z.abs()).min(1.0))
             .collect();
         if problem.response == Response::Force {
-            noise.encoder_energy = noise.measure_encoder_energy(problem, folds);
+            noise.encoder_energy = noise.measure_encoder_energy(problem, seen);
         }
         noise
     }

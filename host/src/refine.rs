@@ -14,9 +14,14 @@ const STEPS: usize = 12;
 
 /// Refines all unknown parameters together by Gauss-Newton on the whitened training rows, within their bounds, and
 /// gives each its standard error. Returns χ².
-pub fn refine(problem: &Problem, model: &mut Model, noise: &Noise, folds: &[Option<usize>]) -> f64 {
-    descend(model, noise, folds, &|model| {
-        counted(problem, model, noise, folds)
+pub fn refine(
+    problem: &Problem,
+    model: &mut Model,
+    noise: &Noise,
+    blocks: &[Option<usize>],
+) -> f64 {
+    descend(model, noise, blocks, &|model| {
+        counted(problem, model, noise, blocks)
     })
     .1
 }
@@ -28,11 +33,11 @@ pub fn refine_beside(
     problem: &Problem,
     model: &mut Model,
     noise: &Noise,
-    folds: &[Option<usize>],
+    blocks: &[Option<usize>],
 ) -> Normal {
-    let offset = of_folds(&noise.whiten(offset), folds);
-    descend(model, noise, folds, &|model| {
-        counted(problem, model, noise, folds) - &offset
+    let offset = in_blocks(&noise.whiten(offset), blocks);
+    descend(model, noise, blocks, &|model| {
+        counted(problem, model, noise, blocks) - &offset
     })
     .0
 }
@@ -45,13 +50,13 @@ pub fn answers(
     problem: &Problem,
     model: &Model,
     noise: &Noise,
-    folds: &[Option<usize>],
+    blocks: &[Option<usize>],
 ) -> Option<(DVector<f64>, DMatrix<f64>)> {
     let free = free_parameters(model);
     let jacobian = jacobian(model, &free, &|model: &Model| {
-        counted(problem, model, noise, folds)
+        counted(problem, model, noise, blocks)
     });
-    let whitened = errors.iter().map(|e| of_folds(&noise.whiten(e), folds));
+    let whitened = errors.iter().map(|e| in_blocks(&noise.whiten(e), blocks));
     let whitened: Vec<DVector<f64>> = whitened.collect();
     let (first, others) = whitened.split_first()?;
     let mut normal = Normal::new(&jacobian, first, &[]);
@@ -74,7 +79,7 @@ pub fn sensitivities(problem: &Problem, model: &Model) -> Vec<Vec<f64>> {
 fn descend(
     model: &mut Model,
     noise: &Noise,
-    folds: &[Option<usize>],
+    blocks: &[Option<usize>],
     evaluate: &impl Fn(&Model) -> DVector<f64>,
 ) -> (Normal, f64) {
     let objective = Objective {
@@ -97,7 +102,7 @@ fn descend(
             break;
         }
     }
-    let clusters = clusters(folds);
+    let clusters = clusters(blocks);
     let normal = sums(model, &current, &clusters, evaluate);
     uncertainty::assess(model, &free_parameters(model), &normal);
     let chi2 = objective.value(model, &current);
@@ -157,20 +162,20 @@ fn sums(
     normal
 }
 
-/// The whitened residual of the rows that have a fold.
+/// The whitened residual of the rows that have a block.
 fn counted(
     problem: &Problem,
     model: &Model,
     noise: &Noise,
-    folds: &[Option<usize>],
+    blocks: &[Option<usize>],
 ) -> DVector<f64> {
-    of_folds(&noise.whiten(&residual(problem, model)), folds)
+    in_blocks(&noise.whiten(&residual(problem, model)), blocks)
 }
 
-/// The rows that have a fold.
-fn of_folds(rows: &[f64], folds: &[Option<usize>]) -> DVector<f64> {
-    let counted = rows.iter().zip(folds).filter(|(_, f)| f.is_some());
-    DVector::from_iterator(folds.iter().flatten().count(), counted.map(|(r, _)| *r))
+/// The rows that have a block, of values one for each row.
+fn in_blocks(rows: &[f64], blocks: &[Option<usize>]) -> DVector<f64> {
+    let counted = rows.iter().zip(blocks).filter(|(_, f)| f.is_some());
+    DVector::from_iterator(blocks.iter().flatten().count(), counted.map(|(r, _)| *r))
 }
 
 /// The sum of squared whitened residuals, less what encoder noise in the acceleration regressor adds to it: `J²·E`.
@@ -270,18 +275,18 @@ fn derivative(model: &Model, k: usize, evaluate: &impl Fn(&Model) -> DVector<f64
     (moved(value + h) - moved(value - h)) / (2.0 * h)
 }
 
-/// Consecutive training rows of one fold form a cluster.
-pub fn clusters(folds: &[Option<usize>]) -> Vec<usize> {
+/// Consecutive training rows of one block form a cluster.
+pub fn clusters(blocks: &[Option<usize>]) -> Vec<usize> {
     let mut cluster = 0;
     let mut last = None;
     let mut clusters = Vec::new();
-    for fold in folds {
-        if last.is_some() && last != Some(*fold) {
-            cluster += usize::from(fold.is_some());
+    for block in blocks {
+        if last.is_some() && last != Some(*block) {
+            cluster += usize::from(block.is_some());
         }
-        if fold.is_some() {
+        if block.is_some() {
             clusters.push(cluster);
-            last = Some(*fold);
+            last = Some(*block);
         }
     }
     clusters

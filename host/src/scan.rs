@@ -16,7 +16,7 @@ use crate::weak::{Part, TRAIN_SHARE};
 pub struct Ground<'a> {
     problem: &'a Problem,
     noise: &'a Noise,
-    folds: &'a [Option<usize>],
+    blocks: &'a [Option<usize>],
     model: &'a Model,
     robust_inertia: Option<f64>,
     /// The whitened system of the model.
@@ -53,15 +53,15 @@ impl<'a> Ground<'a> {
     pub fn new(
         problem: &'a Problem,
         noise: &'a Noise,
-        folds: &'a [Option<usize>],
+        blocks: &'a [Option<usize>],
         model: &'a Model,
         robust_inertia: Option<f64>,
     ) -> Result<Option<Self>> {
         let system = System::new(problem, model)?.whitened(noise);
-        Ok(system.score(folds).map(|score| Self {
+        Ok(system.score(blocks).map(|score| Self {
             problem,
             noise,
-            folds,
+            blocks,
             model,
             robust_inertia,
             system,
@@ -284,7 +284,7 @@ impl<'a> Ground<'a> {
             self.system
                 .extended(&model, &columns, |c| self.noise.whiten(c))
         };
-        let score = system.score(self.folds);
+        let score = system.score(self.blocks);
         Ok(score.filter(|s| system.decode(&s.beta, &mut model) && self.plausible(&model)))
     }
 

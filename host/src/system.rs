@@ -54,34 +54,32 @@ pub struct System {
 /// Blocks of the training rows, which are dealt out in turn to the folds of a cross-validation, last this many seconds.
 const BLOCK: f64 = 1.2;
 
-/// The block of every training row, see [`linear::score`]; `None` for held-out rows. Each recording begins with the first
-/// fold.
-pub fn folds(problem: &Problem) -> Vec<Option<usize>> {
+/// The block of every training row, numbered through all recordings, see [`linear::score`]; `None` for held-out rows.
+pub fn blocks(problem: &Problem) -> Vec<Option<usize>> {
     let mut first = 0;
     let starts: Vec<(usize, f64)> = problem
         .tracks
         .iter()
         .map(|track| {
-            let length = block(track.boundary as f64 * track.period);
+            let length = block_length(track.boundary as f64 * track.period);
+            let start = (first, length);
             // The training part may go on beyond a piece of a recording.
             let samples = track.boundary.min(track.cells.len());
-            let blocks = (samples as f64 * track.period / length) as usize + 1;
-            let start = (first, length);
-            first += blocks.next_multiple_of(FOLDS);
+            first += (samples as f64 * track.period / length) as usize + 1;
             start
         })
         .collect();
     let number = |row: &crate::problem::Row| {
-        let (first, block) = starts[row.track];
+        let (first, length) = starts[row.track];
         let time = row.centre as f64 * problem.tracks[row.track].period;
-        (row.part == Part::Train).then(|| first + (time / block) as usize)
+        (row.part == Part::Train).then(|| first + (time / length) as usize)
     };
     problem.rows.iter().map(number).collect()
 }
 
-/// Length of the blocks that folds are made of, s. Short recordings are cut into smaller ones, so that every fold has its
-/// share of each.
-pub fn block(training: f64) -> f64 {
+/// Length of the blocks of a recording, s. Short recordings are cut into smaller ones, so that every fold has its share of
+/// each.
+pub fn block_length(training: f64) -> f64 {
     BLOCK.min(training / (2 * FOLDS) as f64)
 }
 
@@ -229,10 +227,10 @@ impl System {
         self.errors
     }
 
-    /// Fits the system over the rows that have a fold.
-    pub fn score(&self, folds: &[Option<usize>]) -> Option<Score> {
+    /// Fits the system over the rows that have a block.
+    pub fn score(&self, blocks: &[Option<usize>]) -> Option<Score> {
         let columns = self.columns_and([]);
-        linear::score(&self.response, &columns, folds, 0.0, self.errors)
+        linear::score(&self.response, &columns, blocks, 0.0, self.errors)
     }
 
     /// Writes the physical parameters that a linear solution stands for into the model; known ones stay.

@@ -10,18 +10,18 @@
 //! The encoder rounds to whole counts, and its observer is not surprised within one: what it takes for the surprise is off
 //! from `q − q̂` by less than one count in each run, so by less than two in their difference, at any moment.
 
-use bristle::emulate::{self, Plan, Setup, Transport, Tuned};
+use bristle::emulate::{self, Plan, Transport, Tuned};
 use bristle::model::Model;
 use bristle::plant::{self, Plant};
 use bristle::step::State;
-use bristle::tune::{self, Wish};
+use bristle::tune;
 use bristle_core::Scalar;
 use bristle_core::control::{Controller, Driver as From, Output, Parameters};
 use bristle_core::drive::Number;
 use bristle_core::friction::Units;
 use bristle_core::scalar::Q16;
 
-use crate::SENSORS;
+use crate::{SENSORS, SETUP, plan_along};
 
 const AXIS: &str = "[plant]\nmotion = \"rotary\"\ninput = \"torque\"\ngain = 1.0\ninertia = 0.0001\n\
     [friction]\nmodel = \"coulomb-viscous\"\ncoulomb = 0.1\nviscous = 0.001\n";
@@ -44,18 +44,7 @@ fn reference(t: f64) -> (f64, (f64, f64)) {
 }
 
 fn plan<T: Number>(units: &Units) -> Plan<T> {
-    let t: Vec<f64> = (0..SAMPLES).map(|k| k as f64 * PERIOD).collect();
-    let set_point = |t: &f64| {
-        let (q, rates) = reference(*t);
-        emulate::position(q, rates, SENSORS.count, units)
-    };
-    Plan {
-        set_points: t.iter().map(set_point).collect(),
-        positions: t.iter().map(|t| reference(*t).0).collect(),
-        t,
-        loads: Vec::new(),
-        sensors: SENSORS,
-    }
+    plan_along(reference, SAMPLES, units)
 }
 
 /// An axis that is moving already.
@@ -68,19 +57,9 @@ fn plant(t: &[f64]) -> Box<dyn Plant> {
 
 /// What `tune` makes of the model, with the friction of the set point alone: what is fed forward needs no linear model.
 fn tuned<T: Number>() -> (Tuned<T>, Parameters<f64>) {
-    let wish = Wish {
-        bandwidth: 12.0,
-        rate: 1.0 / PERIOD,
-        counts: 16384.0,
-        limit: 1.0,
-    };
-    let setup = Setup {
-        wish,
-        compensate: true,
-    };
-    let mut exact = tune::parameters(&model(), &wish).expect("a controller");
+    let mut exact = tune::parameters(&model(), &SETUP.wish).expect("a controller");
     exact.compensation.driver = From::Desired;
-    let mut tuned: Tuned<T> = emulate::tuned(&model(), &setup, &SENSORS).expect("it fits");
+    let mut tuned: Tuned<T> = emulate::tuned(&model(), &SETUP, &SENSORS).expect("it fits");
     tuned.parameters.control = exact.scaled(&tuned.units).expect("it fits");
     (tuned, exact)
 }

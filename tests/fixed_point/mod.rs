@@ -2,9 +2,7 @@
 
 mod envelope;
 
-use bristle::emulate::{self, Board, Driver, OnHost, Outcome, Plan, Setup, Transport, Tuned};
-use bristle::plant;
-use bristle::tune::Wish;
+use bristle::emulate::{self, Board, OnHost, Transport, Tuned};
 use bristle_core::drive::{Fault, Number, Parameters, Refusal};
 use bristle_core::link::{Answer, Command, Counters, Injection};
 use bristle_core::scalar::Q16;
@@ -12,20 +10,12 @@ use object::Object;
 
 use crate::emulator::{Calls, booted_fixed, fixed_images, runnable_fixed_images};
 use crate::{
-    SENSORS, assert_same, healthy, in_flash, in_ram, model, occupied, plan, within_budget,
+    SENSORS, SETUP, assert_followed, assert_same, follow, healthy, in_flash, in_ram, model,
+    occupied, plan, status, switched_on, within_budget,
 };
 
 fn tuned<T: Number>() -> Tuned<T> {
-    let setup = Setup {
-        wish: Wish {
-            bandwidth: 12.0,
-            rate: 1000.0,
-            counts: 16384.0,
-            limit: 1.0,
-        },
-        compensate: true,
-    };
-    emulate::tuned(&model(), &setup, &SENSORS).expect("a controller")
+    emulate::tuned(&model(), &SETUP, &SENSORS).expect("a controller")
 }
 
 #[cfg(feature = "log")]
@@ -35,17 +25,7 @@ pub fn parameters() -> Parameters<Q16> {
 
 /// A board that is set up and on.
 fn running(transport: Transport, parameters: Parameters<Q16>) -> Option<Board<Q16>> {
-    let mut board = booted_fixed(transport)?;
-    board
-        .tell(Command::Set(parameters))
-        .expect("valid parameters");
-    board.tell(Command::Enable).expect("nothing is wrong");
-    Some(board)
-}
-
-fn run<T: Number>(driver: &mut dyn Driver<T>, plan: &Plan<T>) -> Outcome<T> {
-    let mut plant = plant::new(&model()).expect("a plant");
-    emulate::run(driver, plant.as_mut(), plan).expect("a run")
+    Some(switched_on(booted_fixed(transport)?, parameters))
 }
 
 /// Over reversals, bristles, gravity and all, and as well as in floating point.
@@ -57,13 +37,9 @@ fn ten_seconds_in_fixed_point_equal_the_hosts_bit_for_bit() {
     };
     let plan = plan(10_000, &units);
     let mut host = OnHost::new(parameters).expect("valid parameters");
-    let (board, host) = (run(&mut board, &plan), run(&mut host, &plan));
+    let (board, host) = (follow(&mut board, &plan), follow(&mut host, &plan));
     assert_same(&board, &host);
-    let errors = board.record.set_point.iter().zip(&board.record.q);
-    let worst = errors
-        .skip(500)
-        .fold(0.0_f64, |m, (r, q)| m.max((r - q).abs()));
-    assert!(worst < 0.012, "{worst}");
+    assert_followed(&board);
 }
 
 #[test]
@@ -74,15 +50,8 @@ fn the_serial_port_gives_the_same_as_the_fast_transport_in_fixed_point() {
     };
     let plan = plan(300, &units);
     let mut host = OnHost::new(parameters).expect("valid parameters");
-    assert_same(&run(&mut serial, &plan), &run(&mut host, &plan));
-    let Answer::Status { counters, .. } = serial.ask(Command::Status).expect("an answer") else {
-        panic!("no status")
-    };
-    let lost = Counters {
-        stack: 0,
-        ..counters
-    };
-    assert_eq!(lost, Counters::default());
+    assert_same(&follow(&mut serial, &plan), &follow(&mut host, &plan));
+    assert_eq!(status(&mut serial).2, Counters::default());
 }
 
 #[test]

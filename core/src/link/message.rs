@@ -141,6 +141,26 @@ pub struct Hello {
     pub ring: u32,
 }
 
+impl Hello {
+    /// What a board with this code says of itself.
+    #[must_use]
+    pub fn new(board: Board, numbers: Numbers, build: u32, ring: u32) -> Self {
+        let part = |text: &str| text.parse().unwrap_or(0);
+        Self {
+            protocol: PROTOCOL_VERSION,
+            version: [
+                part(env!("CARGO_PKG_VERSION_MAJOR")),
+                part(env!("CARGO_PKG_VERSION_MINOR")),
+                part(env!("CARGO_PKG_VERSION_PATCH")),
+            ],
+            build,
+            board,
+            numbers,
+            ring,
+        }
+    }
+}
+
 /// The boards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Board {

@@ -31,23 +31,11 @@ pub use stm32f4::stm32f405 as device;
 pub use vldiscovery::*;
 
 use bristle_core::drive::store;
-use bristle_core::link::{Board as Kind, Hello, Numbers, PROTOCOL_VERSION};
+use bristle_core::link::{Board as Kind, Hello, Numbers};
 
 /// What this image says of itself; recordings hold `ring` words.
 fn greeting(board: Kind, numbers: Numbers, ring: usize) -> Hello {
-    let part = |text: &str| text.parse().unwrap_or(0);
-    Hello {
-        protocol: PROTOCOL_VERSION,
-        version: [
-            part(env!("CARGO_PKG_VERSION_MAJOR")),
-            part(env!("CARGO_PKG_VERSION_MINOR")),
-            part(env!("CARGO_PKG_VERSION_PATCH")),
-        ],
-        build: build(),
-        board,
-        numbers,
-        ring: ring as u32,
-    }
+    Hello::new(board, numbers, build(), ring as u32)
 }
 
 /// The CRC-32 of the image, from the vector table to the initial values of variables.

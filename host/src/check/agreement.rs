@@ -106,12 +106,12 @@ impl<'a> Rows<'a> {
         let fit = |response: &[f64], first: &[f64]| {
             let mut columns = vec![first];
             columns.extend(self.resisting.iter().map(Vec::as_slice));
-            linear::score(response, &columns, &self.bench.folds, RIDGE, None)
+            linear::score(response, &columns, &self.bench.blocks, RIDGE, None)
         };
         let force = fit(&input, &self.acceleration)?;
         let by_force = force.beta[0];
         let by_motion = 1.0 / fit(&self.acceleration, &input)?.beta[0];
-        let rows = input.iter().zip(&self.bench.folds);
+        let rows = input.iter().zip(&self.bench.blocks);
         let drive: f64 = rows.filter(|(_, f)| f.is_some()).map(|(u, _)| u * u).sum();
         let ratio = by_motion / by_force;
         let trusted =
@@ -128,7 +128,7 @@ impl<'a> Rows<'a> {
             let input = self.input(delay);
             let mut columns = vec![input.as_slice()];
             columns.extend(self.resisting.iter().map(Vec::as_slice));
-            let score = linear::score(&self.acceleration, &columns, &bench.folds, RIDGE, None);
+            let score = linear::score(&self.acceleration, &columns, &bench.blocks, RIDGE, None);
             score.map_or(f64::INFINITY, |s| s.cross_validated)
         };
         let none = error(0.0);

@@ -1,11 +1,9 @@
 //! The options of `bristle simulate --excite`, and the recording that comes of them.
 
-use std::f64::consts::TAU;
-
 use clap::{Args, ValueEnum};
 
 use crate::bench::{self, Control, Record, Sensors};
-use crate::error::{Error, Result};
+use crate::error::{self, Error, Result};
 use crate::excite::{Excitation, Shape};
 use crate::model::Motion;
 use crate::plant::Plant;
@@ -155,9 +153,8 @@ impl Bench {
         let control = self
             .control
             .map(|Controller::Pd| Control::of_bandwidth(bandwidth, plant.authority()));
-        let turn = if motion == Motion::Rotary { TAU } else { 1.0 };
         let sensors = Sensors {
-            count: self.counts.map_or(0.0, |counts| turn / counts),
+            count: self.counts.map_or(0.0, |counts| motion.turn() / counts),
             position_noise: self.sensor_noise,
             load_noise: self.noise,
             seed: self.seed,
@@ -168,18 +165,12 @@ impl Bench {
     /// Refuses numbers that make no sense, alone or together.
     fn check(&self) -> Result<()> {
         let fail = |what: String| Err(Error::Usage(what));
-        for (name, value) in [
+        error::positive(&[
             ("--duration", Some(self.duration)),
             ("--rate", Some(self.rate)),
             ("--bandwidth", self.bandwidth),
             ("--counts", self.counts),
-        ] {
-            if let Some(value) = value
-                && !(value > 0.0 && value.is_finite())
-            {
-                return fail(format!("{name} {value} must be a positive number"));
-            }
-        }
+        ])?;
         for (name, value) in [
             ("--noise", self.noise),
             ("--sensor-noise", self.sensor_noise),

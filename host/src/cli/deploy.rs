@@ -97,7 +97,7 @@ impl Command {
         output::check(&[&self.model], &[self.json.as_ref()])?;
         let model = Model::read(&self.model)?;
         // What is wrong with the model shows before a board is looked for.
-        Drive::of(&model).map_err(|e| self.named(e))?;
+        Drive::of(&model).map_err(|e| e.in_model(&self.model))?;
         match &self.port {
             Some(name) => {
                 let mut board = Peer::called(SerialLine::open(name)?)?;
@@ -169,24 +169,13 @@ impl Command {
             counts: self.counts,
             limit: self.limit,
         };
-        let gains = tune::parameters(model, &wish).map_err(|e| self.named(e))?;
+        let gains = tune::parameters(model, &wish).map_err(|e| e.in_model(&self.model))?;
         refuse_unstable(&tune::margins(&gains), &standing(&gains), &wish)?;
         let setup = Setup {
             wish,
             compensate: !self.plain,
         };
-        deploy::parameters(model, &setup, &rig).map_err(|e| self.named(e))
-    }
-
-    /// The message with the model file's name in front.
-    fn named(&self, error: Error) -> Error {
-        match error {
-            Error::Usage(what) => Error::Model {
-                path: self.model.clone(),
-                what,
-            },
-            other => other,
-        }
+        deploy::parameters(model, &setup, &rig).map_err(|e| e.in_model(&self.model))
     }
 
     fn print(&self, deployed: &Deployed) {

@@ -1,6 +1,5 @@
 //! `bristle emulate` and `bristle record`
 
-use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
 use bristle_core::control::SetPoint;
@@ -20,11 +19,11 @@ use crate::bench::{self, Record, csv};
 use crate::emulate::{
     self, Board, Driver, Launch, OnHost, Outcome, Plan, Sensors, Setup, Transport, Tuned,
 };
-use crate::error::{Error, Result};
+use crate::error::{self, Error, Result};
 use crate::excite::{Excitation, Shape};
 use crate::flash::Image;
 use crate::image::{self, Target};
-use crate::model::{Model, Motion};
+use crate::model::Model;
 use crate::plant;
 use crate::report::{self, Emulation};
 use crate::tune::Wish;
@@ -333,22 +332,13 @@ impl Options {
         inputs.extend(self.known.as_deref());
         inputs.extend(self.image.as_deref());
         output::check(&inputs, outputs)?;
-        let positive = [
+        error::positive(&[
             ("--duration", Some(self.duration)),
             ("--rate", Some(self.rate)),
             ("--counts", Some(self.counts)),
             ("--bandwidth", self.bandwidth),
             ("--limit", self.limit),
-        ];
-        for (name, value) in positive {
-            if let Some(value) = value
-                && !(value > 0.0 && value.is_finite())
-            {
-                return Err(Error::Usage(format!(
-                    "{name} {value} must be a positive number"
-                )));
-            }
-        }
+        ])?;
         if self.amplitude == 0.0 || !self.amplitude.is_finite() {
             return Err(Error::Usage(format!(
                 "--amplitude {} drives nothing; give a number other than zero",
@@ -374,12 +364,7 @@ impl Options {
     }
 
     fn counts_unit(&self, model: &Model) -> f64 {
-        let turn = if model.motion == Motion::Rotary {
-            TAU
-        } else {
-            1.0
-        };
-        turn / self.counts
+        model.motion.turn() / self.counts
     }
 
     fn input_limit(&self) -> Result<f64> {
@@ -394,15 +379,8 @@ impl Options {
     }
 
     fn prepare<T: Number>(&self) -> Result<Prepared<T>> {
-        let named = |path: &Path, error: Error| match error {
-            Error::Usage(what) => Error::Model {
-                path: path.to_owned(),
-                what,
-            },
-            other => other,
-        };
         let model = Model::read(&self.model)?;
-        let plant = plant::new(&model).map_err(|e| named(&self.model, e))?;
+        let plant = plant::new(&model).map_err(|e| e.in_model(&self.model))?;
         let known_path = self.known.as_ref().unwrap_or(&self.model);
         let known = Model::read(known_path)?;
         let sensors = Sensors::emulated(self.counts_unit(&model));
@@ -416,7 +394,7 @@ impl Options {
             compensate: self.compensate,
         };
         let tuned = emulate::tuned(&known, &setup, &sensors);
-        let Tuned { parameters, units } = tuned.map_err(|e| named(known_path, e))?;
+        let Tuned { parameters, units } = tuned.map_err(|e| e.in_model(known_path))?;
         let plan = self.plan(sensors, &units);
         Ok(Prepared {
             model,

@@ -1,6 +1,5 @@
 //! `bristle monitor`
 
-use std::f64::consts::TAU;
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -13,9 +12,9 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use super::emulate::chosen_image;
 use super::{DONE, Outcome, terminal};
 use crate::emulate::{self, Axis, Sensors, Setup};
-use crate::error::{Error, Result};
+use crate::error::{self, Error, Result};
 use crate::image::F405;
-use crate::model::{Model, Motion};
+use crate::model::Model;
 use crate::monitor::{Farewell, Handle, Kind, Monitor, Moves, Options, Server, screen};
 use crate::place::Place;
 use crate::plant;
@@ -169,7 +168,7 @@ impl Command {
 
     fn check(&self) -> Result<()> {
         let emulated = &self.emulated;
-        let positive = [
+        error::positive(&[
             ("--speed", Some(self.speed)),
             ("--acceleration", self.acceleration),
             ("--telemetry", self.telemetry),
@@ -177,16 +176,7 @@ impl Command {
             ("--bandwidth", emulated.bandwidth),
             ("--rate", Some(emulated.rate)),
             ("--counts", Some(emulated.counts)),
-        ];
-        for (name, value) in positive {
-            if let Some(value) = value
-                && !(value > 0.0 && value.is_finite())
-            {
-                return Err(Error::Usage(format!(
-                    "{name} {value} must be a positive number"
-                )));
-            }
-        }
+        ])?;
         if !self.folder.is_dir() {
             return Err(Error::Usage(format!(
                 "--folder {}: there is no such folder; make it first, or name another",
@@ -238,22 +228,11 @@ impl Command {
 
 impl Emulated {
     fn axis(&self, path: &Path) -> Result<Axis> {
-        let named = |path: &Path, error: Error| match error {
-            Error::Usage(what) => Error::Model {
-                path: path.to_owned(),
-                what,
-            },
-            other => other,
-        };
         let model = Model::read(path)?;
-        plant::new(&model).map_err(|e| named(path, e))?;
+        plant::new(&model).map_err(|e| e.in_model(path))?;
         let known_path = self.known.as_deref().unwrap_or(path);
         let known = Model::read(known_path)?;
-        let turn = match model.motion {
-            Motion::Rotary => TAU,
-            Motion::Linear => 1.0,
-        };
-        let sensors = Sensors::emulated(turn / self.counts);
+        let sensors = Sensors::emulated(model.motion.turn() / self.counts);
         let setup = Setup {
             wish: Wish {
                 bandwidth: self.bandwidth.unwrap_or(self.rate / 100.0),
@@ -265,7 +244,7 @@ impl Emulated {
         };
         let parameters = emulate::parameters(&known, &setup, &sensors);
         Ok(Axis {
-            parameters: parameters.map_err(|e| named(known_path, e))?,
+            parameters: parameters.map_err(|e| e.in_model(known_path))?,
             model,
             sensors,
         })

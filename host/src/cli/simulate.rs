@@ -106,7 +106,7 @@ impl Command {
                 "plant.causality = \"inverse\" imposes the motion, and --excite drives the plant; write causality = \"forward\"".to_owned(),
             ));
         }
-        let mut plant = plant::new(model).map_err(|error| self.named(error))?;
+        let mut plant = plant::new(model).map_err(|error| error.in_model(&self.model))?;
         let record = self.bench.record(plant.as_mut(), shape, model.motion)?;
         let runs_away = |s: &State| !(s.q.is_finite() && s.v.is_finite());
         if let Some(k) = record.truth.iter().position(runs_away) {
@@ -126,15 +126,7 @@ impl Command {
             ))),
             Some(_) => plant::new(model).map(Runner::Plant),
         };
-        runner.map_err(|error| self.named(error))
-    }
-
-    /// A complaint about the model with the name of its file.
-    fn named(&self, error: Error) -> Error {
-        match error {
-            Error::Usage(what) => self.unusable(what),
-            other => other,
-        }
+        runner.map_err(|error| error.in_model(&self.model))
     }
 
     fn unusable(&self, what: String) -> Error {

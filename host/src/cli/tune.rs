@@ -1,6 +1,6 @@
 //! `bristle tune`
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use bristle_core::control::{Compensation, Parameters};
 use clap::Args;
@@ -73,7 +73,7 @@ impl Command {
             counts: self.counts,
             limit: self.limit,
         };
-        let parameters = tune::parameters(&model, &wish).map_err(|e| of_model(e, &self.model))?;
+        let parameters = tune::parameters(&model, &wish).map_err(|e| e.in_model(&self.model))?;
         let (following, standing) = (tune::margins(&parameters), standing(&parameters));
         refuse_unstable(&following, &standing, &wish)?;
         let tuned = Tuned {
@@ -90,17 +90,6 @@ impl Command {
         print(&model, &tuned);
         terminal::written(&written);
         Ok(DONE)
-    }
-}
-
-/// Names the model file in what is wrong with a model; what is wrong with an option names the option.
-fn of_model(error: Error, path: &Path) -> Error {
-    match error {
-        Error::Usage(what) if !what.starts_with("--") => Error::Model {
-            path: path.to_owned(),
-            what,
-        },
-        other => other,
     }
 }
 

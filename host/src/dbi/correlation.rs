@@ -23,7 +23,7 @@ impl Correlation {
         let labels = model.labels();
         let free = refine::free_parameters(model);
         let names: Vec<String> = free.iter().map(|&k| labels[k].to_string()).collect();
-        let normal = refine::normal(&bench.problem, model, &bench.noise, &bench.folds);
+        let normal = refine::normal(&bench.problem, model, &bench.noise, &bench.blocks);
         let Some((inverse, _, _)) = normal.covariances() else {
             return Self {
                 names,

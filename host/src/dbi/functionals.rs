@@ -86,7 +86,7 @@ fn terms(bench: &Workbench, model: &Model) -> Vec<Functional> {
     for term in &model.terms {
         terms.extend(of_effect(bench, model, term));
     }
-    let seen = || bench.folds.iter().enumerate().filter(|(_, f)| f.is_some());
+    let seen = || bench.blocks.iter().enumerate().filter(|(_, f)| f.is_some());
     let rms = |c: f64, column: &[f64]| {
         let sum: f64 = seen().map(|(k, _)| (c * column[k]).powi(2)).sum();
         (sum / seen().count() as f64).sqrt()

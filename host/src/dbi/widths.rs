@@ -22,9 +22,7 @@ use crate::error::Result;
 use crate::format::{quantity, significant, with_unit};
 use crate::identify::Workbench;
 use crate::model::Model;
-use crate::problem::Row;
 use crate::refine;
-use crate::system;
 use crate::weak::Part;
 
 /// Narrowest half-width, s.
@@ -219,8 +217,9 @@ fn at_width(
 
 fn influences(bench: &Workbench, model: &Model) -> Vec<Vec<f64>> {
     let mut all = vec![Vec::new(); model.parameters().len()];
-    let blocks = blocks(bench);
-    if let Some(shares) = refine::influences(&bench.problem, model, &bench.noise, &blocks) {
+    // Numbered alike whatever the width.
+    let blocks = &bench.blocks;
+    if let Some(shares) = refine::influences(&bench.problem, model, &bench.noise, blocks) {
         for (row, k) in refine::free_parameters(model).into_iter().enumerate() {
             all[k] = shares.row(row).iter().copied().collect();
         }
@@ -228,29 +227,8 @@ fn influences(bench: &Workbench, model: &Model) -> Vec<Vec<f64>> {
     all
 }
 
-/// The block of time of every training row, numbered alike whatever the width.
-fn blocks(bench: &Workbench) -> Vec<Option<usize>> {
-    let problem = &bench.problem;
-    let mut first = vec![0];
-    let lengths = problem.tracks.iter().map(|t| {
-        let training = t.boundary as f64 * t.period;
-        (system::block(training), training)
-    });
-    let lengths: Vec<(f64, f64)> = lengths.collect();
-    for (block, training) in &lengths {
-        first.push(first[first.len() - 1] + (training / block) as usize + 1);
-    }
-    let number = |row: &Row| {
-        let time = row.centre as f64 * problem.tracks[row.track].period;
-        first[row.track] + (time / lengths[row.track].0) as usize
-    };
-    let rows = problem.rows.iter();
-    rows.map(|row| (row.part == Part::Train).then(|| number(row)))
-        .collect()
-}
-
 fn found(form: &dyn Form, bench: &Workbench, model: &Model, draws: &NoiseDraws) -> Found {
-    let Some(solution) = linear::solve(form, &bench.problem, &bench.folds, model) else {
+    let Some(solution) = linear::solve(form, &bench.problem, &bench.blocks, model) else {
         return Found {
             form: form.name(),
             parameters: Vec::new(),

@@ -1,12 +1,10 @@
 //! What a model file does not say: the board, its supply, and what it must not do.
 
-use std::f64::consts::TAU;
-
 use bristle_core::drive::Parameters;
 use bristle_core::link::Board;
 
 use crate::emulate::{self, Sensors, Setup};
-use crate::error::{Error, Result};
+use crate::error::{self, Error, Result};
 use crate::format::shortest;
 use crate::model::{Kind, Model, Motion};
 use crate::tune::{Drive, Wish};
@@ -97,23 +95,10 @@ impl Rig {
 /// The parameters for a board, all of them within what the board and its numbers can do, or what to change if they are
 /// not.
 pub fn parameters(model: &Model, setup: &Setup, rig: &Rig) -> Result<Parameters<f32>> {
-    let all = [("--bus", Some(rig.bus)), ("--current", rig.current)];
-    for (name, value) in all {
-        if let Some(x) = value
-            && !(x > 0.0 && x.is_finite())
-        {
-            return Err(Error::Usage(format!(
-                "{name} {x} must be a positive number"
-            )));
-        }
-    }
+    error::positive(&[("--bus", Some(rig.bus)), ("--current", rig.current)])?;
     let wish = &setup.wish;
     rig.check(model, wish)?;
-    let turn = match model.motion {
-        Motion::Rotary => TAU,
-        Motion::Linear => 1.0,
-    };
-    let sensors = rig.sensors(turn / wish.counts)?;
+    let sensors = rig.sensors(model.motion.turn() / wish.counts)?;
     let mut found = emulate::parameters(model, setup, &sensors)?;
     if let Some(current) = rig.current {
         let most = f64::from(found.limits.current);

@@ -93,6 +93,9 @@ fn confirm(
     (mut selected, mut after): Selection,
     recordings: &[Recording],
 ) -> Result<Selection> {
+    if selected.is_empty() {
+        return Ok((selected, after));
+    }
     let few = bench.problem.count(Part::HeldOut) < FEWEST_HELD_OUT;
     let run = |model: &Model| fit::parts(model, recordings, &bench.problem.tracks);
     let mut with_it = run(&after)?;
@@ -101,14 +104,15 @@ fn confirm(
         k -= 1;
         let term = before.terms.len() + k;
         let lacking = select::without(&after, term);
+        let (z, z_lacking) = (whitened(bench, &after), whitened(bench, &lacking));
         // The joint fit may have left nothing of it.
-        let acts = whitened(bench, &after) != whitened(bench, &lacking);
+        let acts = z != z_lacking;
         let dominates = selected[k].trial.gain.share >= DOMINANT;
-        if acts && dominates && !HeldOut::of(bench, &after, &lacking).tells() {
+        if acts && dominates && !HeldOut::between(bench, &z, &z_lacking).tells() {
             continue;
         }
         let (without, _) = bench.estimate(&lacking)?;
-        let held_out = HeldOut::of(bench, &after, &without);
+        let held_out = HeldOut::between(bench, &z, &whitened(bench, &without));
         let weak_form_helps = few || held_out.fall > 0.0;
         let chance = if !few && held_out.shows_again() {
             BY_CHANCE

@@ -58,8 +58,8 @@ pub fn diagnose(
     let remaining = error(bench, &after)?;
     let reached = (base_error - remaining)
         / (base_error - remaining * (1.0 - leftover.gain)).max(f64::MIN_POSITIVE);
-    let little = leftover.size < select::SOUGHT && reached >= 1.0 - select::FLOOR;
     let certain = leftover.certain;
+    let little = leftover.size < select::SOUGHT && reached >= 1.0 - select::FLOOR;
     let significant = certain && (selected.is_empty() || !little);
     let (selected, mut after) = if significant && reached < SHARE_OF_GENERIC && !selected.is_empty()
     {
@@ -101,13 +101,13 @@ pub fn diagnose(
         whitened(bench, &after)
     };
     let leftover = unexplained(&leftover);
-    let remains = certain.then(|| leftover.clone());
-    let unexplained = remains.clone().filter(|_| significant);
+    let remains = certain.then_some(&leftover);
+    let unexplained = remains.filter(|_| significant).cloned();
     let diagnosis = Diagnosis {
         schema: "bristle.diagnosis/1",
         verdict,
         warnings: check::warnings(bench, before, recordings),
-        text: verdict_sentence(verdict, &findings, remains.as_ref(), departs),
+        text: verdict_sentence(verdict, &findings, remains, departs),
         baseline: Baseline {
             parameters: estimates(before, None),
             fit: baseline.fit,

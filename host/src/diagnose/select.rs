@@ -202,7 +202,7 @@ fn worth_a_look(trial: &Trial) -> bool {
 }
 
 /// Whether an effect that is [`worth_a_look`] counts although its gain in the weak form does not suffice: because it acts too
-/// rarely for a large gain to be told from chance fold by fold, but takes off the χ² of the held-out part what it should; or
+/// rarely for a large gain to be told from chance block by block, but takes off the χ² of the held-out part what it should; or
 /// because noise on the input drowns it, which the free run averages: then it must halve the squared error of the free run
 /// without it, on the training part and on the held-out part.
 fn rescued(
@@ -303,21 +303,18 @@ pub(super) fn leftover(bench: &Workbench, model: &Model) -> Result<Leftover> {
         .iter()
         .map(|(name, c)| (*name, base.generic(c)))
         .collect();
-    alone.sort_by(|a, b| b.1.gain.share.total_cmp(&a.1.gain.share));
+    alone.sort_by(|a, b| b.1.gain.total_cmp(&a.1.gain));
     let all: Vec<Vec<f64>> = groups.into_iter().flat_map(|(_, c)| c).collect();
     let together = base.generic(&all);
     let each = alone.iter().map(|g| g.1).chain([together]);
-    let shares = each.clone().map(|g| g.gain.share);
+    let shares = each.clone().map(|g| g.gain);
     let gain = shares.fold(f64::NEG_INFINITY, f64::max);
     let size = gain.max(0.0).sqrt() * relative_residual(bench, model);
     Ok(Leftover {
         gain,
         size,
-        certain: size >= smallest(bench) && each.into_iter().any(|g| g.certain()),
-        coordinates: alone
-            .into_iter()
-            .map(|(name, g)| (name, g.gain.share))
-            .collect(),
+        certain: size >= smallest(bench) && each.into_iter().any(|g| g.certain),
+        coordinates: alone.into_iter().map(|(name, g)| (name, g.gain)).collect(),
     })
 }
 

@@ -70,17 +70,10 @@ pub(super) fn students_t(x: &[f64]) -> f64 {
 /// What generic functions do on top of a model.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Generic {
-    /// Their gain.
-    pub gain: Gain,
-    /// Whether the held-out part shows it again.
-    pub shows_again: bool,
-}
-
-impl Generic {
-    /// Whether it is no chance: all folds show it, or, if it is too rare for that, the held-out part does.
-    pub fn certain(&self) -> bool {
-        self.gain.share >= FLOOR && (self.gain.t >= CERTAIN || self.shows_again)
-    }
+    /// Share of the cross-validated squared error that they take away.
+    pub gain: f64,
+    /// Whether that is enough, and no chance.
+    pub certain: bool,
 }
 
 impl<'a> Base<'a> {
@@ -96,7 +89,7 @@ impl<'a> Base<'a> {
 
     /// Number of training rows.
     pub fn rows(&self) -> f64 {
-        self.bench.folds.iter().flatten().count() as f64
+        self.bench.blocks.iter().flatten().count() as f64
     }
 
     /// Tries an effect with all values of its inner parameters; `None` if none of its parameters is physical.
@@ -120,11 +113,11 @@ impl<'a> Base<'a> {
         let system = &self.ground.system;
         let own = system.columns.iter();
         let all: Vec<&[f64]> = own.chain(columns).map(Vec::as_slice).collect();
-        let folds = &self.bench.folds;
+        let blocks = &self.bench.blocks;
         let fitted = linear::score(
             &system.response,
             &all,
-            folds,
+            blocks,
             GENERIC_RIDGE,
             system.errors(),
         );
@@ -132,14 +125,16 @@ impl<'a> Base<'a> {
             return Generic::default();
         };
         let without = &self.ground.score;
-        let held_out = HeldOut::between(
-            self.bench,
-            &linear::residual(&system.response, &all, &with.beta),
-            &linear::residual(&system.response, &all, &without.beta),
-        );
+        let gain = Gain::of(without, &with);
+        // All blocks show it, or, if it is too rare for that, the held-out part does.
+        let shows_again = || {
+            let residual = |beta| linear::residual(&system.response, &all, beta);
+            let (with, without) = (residual(&with.beta), residual(&without.beta));
+            HeldOut::between(self.bench, &with, &without).shows_again()
+        };
         Generic {
-            gain: Gain::of(without, &with),
-            shows_again: held_out.shows_again(),
+            gain: gain.share,
+            certain: gain.share >= FLOOR && (gain.t >= CERTAIN || shows_again()),
         }
     }
 

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use bristle_core::drive::{Drive, Faults, Mailbox, Parameters, Refusal, Sample};
 use bristle_core::link::{
-    self, Answer, Board, Hello, Injection, Numbers, PROTOCOL_VERSION, Packet, Reaction, Received,
-    Receiver, Report, encode,
+    self, Answer, Board, Hello, Injection, Numbers, Packet, Reaction, Received, Receiver, Report,
+    encode,
 };
 
 use crate::error::{Error, Result};
@@ -37,7 +37,12 @@ impl Twin {
             number: 0,
             out: VecDeque::new(),
         };
-        twin.send(&Report::Hello(hello()))?;
+        twin.send(&Report::Hello(Hello::new(
+            Board::Emulated,
+            Numbers::F32,
+            0,
+            0,
+        )))?;
         Ok(twin)
     }
 
@@ -79,7 +84,14 @@ impl Twin {
         let counters = self.receiver.counters();
         let answer = match link::serve(&mut self.drive, counters, &packet.command) {
             Reaction::Answer(answer) => answer,
-            Reaction::Greet => return self.send(&Report::Hello(hello())),
+            Reaction::Greet => {
+                return self.send(&Report::Hello(Hello::new(
+                    Board::Emulated,
+                    Numbers::F32,
+                    0,
+                    0,
+                )));
+            }
             Reaction::Store => Answer::Refused(Refusal::WriteFailed),
             Reaction::Inject(injection @ (Injection::CorruptParameter | Injection::Clock)) => {
                 link::suffer(&mut self.drive, injection);
@@ -89,22 +101,6 @@ impl Twin {
         };
         let to = packet.sequence;
         self.send(&Report::Answer { to, answer })
-    }
-}
-
-fn hello() -> Hello {
-    let part = |text: &str| text.parse().unwrap_or(0);
-    Hello {
-        protocol: PROTOCOL_VERSION,
-        version: [
-            part(env!("CARGO_PKG_VERSION_MAJOR")),
-            part(env!("CARGO_PKG_VERSION_MINOR")),
-            part(env!("CARGO_PKG_VERSION_PATCH")),
-        ],
-        build: 0,
-        board: Board::Emulated,
-        numbers: Numbers::F32,
-        ring: 0,
     }
 }
 

@@ -33,12 +33,12 @@ const FEWEST_ROWS: usize = 40;
 /// is asked: it then biases the Coulomb level by as much.
 const LEAST_DOUBT: f64 = 0.002;
 
-/// Everything that fits of one set of recordings share: rows, folds and noise.
+/// Everything that fits of one set of recordings share: rows, blocks and noise.
 pub struct Workbench {
     /// The weak form of the recordings.
     pub problem: Problem,
-    /// Cross-validation fold of every training row.
-    pub folds: Vec<Option<usize>>,
+    /// Block of every training row, by which it is cross-validated: see [`linear::score`].
+    pub blocks: Vec<Option<usize>>,
     /// Noise of the rows.
     pub noise: Noise,
     /// Generic functions of each coordinate.
@@ -50,7 +50,7 @@ pub struct Workbench {
     /// Inertia found with all generic functions in: what a model falls back to that leaves so much out that its own
     /// inertia would be negative.
     robust_inertia: Option<f64>,
-    /// The same windows on velocities smoothed half as wide, with their folds, made when first asked for.
+    /// The same windows on velocities smoothed half as wide, with their blocks, made when first asked for.
     finer: OnceLock<(Problem, Vec<Option<usize>>)>,
 }
 
@@ -130,7 +130,7 @@ impl Workbench {
         let score = linear::score(
             &system.response,
             &columns,
-            &self.folds,
+            &self.blocks,
             GENERIC_RIDGE,
             system.errors(),
         );
@@ -156,18 +156,18 @@ impl Workbench {
                 "only {train} windows of motion are left in the first 70 % of the recording after standstill and gaps are set aside; at least {FEWEST_ROWS} are needed: record for longer, or drive above break-away for more of the time"
             )));
         }
-        let folds = system::folds(&problem);
+        let blocks = system::blocks(&problem);
         let start = with_starts(&problem, model);
         let (response, robust_inertia) =
-            choose_response(&mut problem, &start, &dictionary, &folds)?;
+            choose_response(&mut problem, &start, &dictionary, &blocks)?;
         problem.response = response;
         let system = System::new(&problem, &start)?;
-        let (residual, unknowns) = follow_everything(&problem, &system, &dictionary, &folds)?;
-        let noise = Noise::estimate(&problem, &residual, unknowns, &folds);
+        let (residual, unknowns) = follow_everything(&problem, &system, &dictionary, &blocks)?;
+        let noise = Noise::estimate(&problem, &residual, unknowns, &blocks);
         Ok(Self {
             balance: None,
             problem,
-            folds,
+            blocks,
             noise,
             dictionary,
             width,
@@ -206,7 +206,7 @@ impl Workbench {
                 model.move_to(k, value);
             }
         }
-        let chi2 = refine::refine(&self.problem, &mut model, &self.noise, &self.folds);
+        let chi2 = refine::refine(&self.problem, &mut model, &self.noise, &self.blocks);
         // What is allowed depends on other parameters, which have moved: a load is part of the inertia.
         match system::inadmissible(&model) {
             Some(term) => self.with_nothing_of(term, &model),
@@ -219,7 +219,7 @@ impl Workbench {
         let system = System::new(&self.problem, model)?;
         let score = system
             .whitened(&self.noise)
-            .score(&self.folds)
+            .score(&self.blocks)
             .ok_or_else(|| undetermined(model))?;
         system.decode(&score.beta, model);
         Ok(score.chi2)
@@ -329,7 +329,7 @@ impl Workbench {
         Ground::new(
             &self.problem,
             &self.noise,
-            &self.folds,
+            &self.blocks,
             model,
             self.robust_inertia,
         )
@@ -367,11 +367,11 @@ pub fn follow_everything(
     problem: &Problem,
     system: &System,
     dictionary: &Dictionary,
-    folds: &[Option<usize>],
+    blocks: &[Option<usize>],
 ) -> Result<(Vec<f64>, usize)> {
     let groups = dictionary.groups(problem);
     let columns = system.columns_and(groups.iter().flat_map(|g| &g.columns).map(|c| c.as_slice()));
-    let score = linear::score(&system.response, &columns, folds, GENERIC_RIDGE, None)
+    let score = linear::score(&system.response, &columns, blocks, GENERIC_RIDGE, None)
         .ok_or_else(|| Error::Internal("the generic dictionary is degenerate".to_owned()))?;
     let mut residual = system.response.clone();
     for (column, beta) in columns.iter().zip(score.beta.iter()) {

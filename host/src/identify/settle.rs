@@ -43,8 +43,8 @@ struct Twins {
     offset: Vec<f64>,
     /// Derivative of the residual of these rows as ideal sensors would give them, by free parameter.
     sensitivities: Vec<Vec<f64>>,
-    /// The folds of the rows that twins have, too.
-    folds: Vec<Option<usize>>,
+    /// The blocks of the rows that twins have, too.
+    blocks: Vec<Option<usize>>,
 }
 
 impl Workbench {
@@ -87,17 +87,17 @@ impl Workbench {
         twins: &Twins,
         scatter: &mut Scatter,
     ) -> Option<(Model, Noise)> {
-        let (offset, folds) = (&twins.offset, &twins.folds);
+        let (offset, blocks) = (&twins.offset, &twins.blocks);
         let free = refine::free_parameters(model);
         let residual = system::residual(&self.problem, model);
         let clean = less(&residual, offset);
-        let noise = Noise::estimate(&self.problem, &clean, free.len(), folds);
-        if !lessens(&noise.whiten(&clean), &noise.whiten(&residual), folds) {
+        let noise = Noise::estimate(&self.problem, &clean, free.len(), blocks);
+        if !lessens(&noise.whiten(&clean), &noise.whiten(&residual), blocks) {
             return None;
         }
         let (steps, follows) = self.answers(twins, model, &noise)?;
         let mut next = model.clone();
-        let normal = refine::refine_beside(offset, &self.problem, &mut next, &noise, folds);
+        let normal = refine::refine_beside(offset, &self.problem, &mut next, &noise, blocks);
         let mean = steps.iter().sum::<DVector<f64>>() / DRAWS as f64;
         let bias: Vec<(usize, f64)> = free.iter().copied().zip(mean.iter().copied()).collect();
         next = refine::moved(&next, &bias, -1.0)?;
@@ -131,17 +131,17 @@ impl Workbench {
         let mut steps = Vec::with_capacity(DRAWS);
         let mut follows = DMatrix::zeros(free, free);
         for (problem, residual) in twins.problems.iter().zip(&twins.residuals) {
-            let mut folds = vec![None; residual.len()];
+            let mut blocks = vec![None; residual.len()];
             let mut errors = vec![vec![0.0; residual.len()]; 1 + free];
             for (here, there) in common(&self.problem.rows, &problem.rows) {
-                folds[there] = twins.folds[here];
+                blocks[there] = twins.blocks[here];
                 errors[0][there] = residual[there] - twins.offset[here];
                 for (error, column) in errors[1..].iter_mut().zip(&twins.sensitivities) {
                     error[there] = column[here];
                 }
             }
-            let noise = noise.law.on(problem, &errors[0], &folds);
-            let (step, follow) = refine::answers(&errors, problem, model, &noise, &folds)?;
+            let noise = noise.law.on(problem, &errors[0], &blocks);
+            let (step, follow) = refine::answers(&errors, problem, model, &noise, &blocks)?;
             steps.push(step);
             follows += follow / DRAWS as f64;
         }
@@ -194,9 +194,9 @@ impl Workbench {
         let ideal = self.twin(model, recordings, None)?;
         let raw = refine::sensitivities(&ideal, model);
         let mut sensitivities = vec![vec![0.0; rows.len()]; raw.len()];
-        let mut folds = vec![None; rows.len()];
+        let mut blocks = vec![None; rows.len()];
         for (here, there) in common(rows, &ideal.rows) {
-            folds[here] = self.folds[here].filter(|_| counts[here] > 0.0);
+            blocks[here] = self.blocks[here].filter(|_| counts[here] > 0.0);
             let columns = sensitivities.iter_mut().zip(&raw);
             columns.for_each(|(column, raw)| column[here] = raw[there]);
         }
@@ -207,7 +207,7 @@ impl Workbench {
             problems,
             residuals,
             sensitivities,
-            folds,
+            blocks,
         })
     }
 
@@ -287,9 +287,9 @@ fn less(rows: &[f64], offset: &[f64]) -> Vec<f64> {
 
 /// Whether the residual without an offset is no larger than with it, but for the noise of so many draws in the offset. It is
 /// larger where twins are unlike the recordings. Medians ignore the odd row in which they reverse otherwise.
-fn lessens(clean: &[f64], residual: &[f64], folds: &[Option<usize>]) -> bool {
+fn lessens(clean: &[f64], residual: &[f64], blocks: &[Option<usize>]) -> bool {
     let typical = |rows: &[f64]| {
-        let counted = rows.iter().zip(folds).filter(|(_, fold)| fold.is_some());
+        let counted = rows.iter().zip(blocks).filter(|(_, block)| block.is_some());
         let mut sizes: Vec<f64> = counted.map(|(z, _)| z.abs()).collect();
         sizes.sort_by(f64::total_cmp);
         sizes.get(sizes.len() / 2).copied()

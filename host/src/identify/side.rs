@@ -24,7 +24,7 @@ pub(super) fn choose_response(
     problem: &mut Problem,
     model: &Model,
     dictionary: &Dictionary,
-    folds: &[Option<usize>],
+    blocks: &[Option<usize>],
 ) -> Result<(Response, Option<f64>)> {
     const DISAGREEMENT: f64 = 1.1;
     const ROUGH_DISAGREEMENT: f64 = 2.0;
@@ -48,7 +48,7 @@ pub(super) fn choose_response(
         problem.response = response;
         let system = System::new(problem, model)?;
         let columns = system.columns_and(generic.iter().map(|c| c.as_slice()));
-        let score = linear::score(&system.response, &columns, folds, GENERIC_RIDGE, None);
+        let score = linear::score(&system.response, &columns, blocks, GENERIC_RIDGE, None);
         // The inertia, or its inverse, is the first unknown of the system.
         Ok(score.map(|s| {
             if response == Response::Force {

@@ -31,15 +31,15 @@ impl Workbench {
     }
 
     fn with_half_the_smoothing(&self, model: &Model, recordings: &[Recording]) -> Option<Model> {
-        let (problem, folds) = self.finer.get_or_init(|| self.finer_problem(recordings));
-        folds.iter().flatten().next()?;
-        let noise = (self.noise.law).on(problem, &system::residual(problem, model), folds);
+        let (problem, blocks) = self.finer.get_or_init(|| self.finer_problem(recordings));
+        blocks.iter().flatten().next()?;
+        let noise = (self.noise.law).on(problem, &system::residual(problem, model), blocks);
         let mut model = model.clone();
-        refine::refine(problem, &mut model, &noise, folds);
+        refine::refine(problem, &mut model, &noise, blocks);
         Some(model)
     }
 
-    /// The same windows on velocities that are smoothed half as wide, with the folds of their rows.
+    /// The same windows on velocities that are smoothed half as wide, with the blocks of their rows.
     fn finer_problem(&self, recordings: &[Recording]) -> (Problem, Vec<Option<usize>>) {
         let before = &self.problem;
         let tracks = recordings.iter().zip(&before.tracks).map(|(r, t)| {
@@ -49,7 +49,7 @@ impl Workbench {
         let reaches: Vec<usize> = before.windows.iter().map(|w| w.reach).collect();
         let tracks = tracks.collect();
         let problem = Problem::new(tracks, &reaches, before.motion, before.response);
-        let folds = system::folds(&problem);
-        (problem, folds)
+        let blocks = system::blocks(&problem);
+        (problem, blocks)
     }
 }

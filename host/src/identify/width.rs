@@ -124,11 +124,11 @@ fn encoder_share(problem: &Problem, dictionary: &Dictionary, model: &Model) -> R
         return Ok(0.0);
     }
     let system = System::new(problem, &with_starts(problem, model))?;
-    let folds = system::folds(problem);
-    let (residual, unknowns) = follow_everything(problem, &system, dictionary, &folds)?;
+    let blocks = system::blocks(problem);
+    let (residual, unknowns) = follow_everything(problem, &system, dictionary, &blocks)?;
     let mut squares: Vec<f64> = residual
         .iter()
-        .zip(&folds)
+        .zip(&blocks)
         .filter(|(_, f)| f.is_some())
         .map(|(r, _)| r * r)
         .collect();

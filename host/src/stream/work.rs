@@ -42,10 +42,10 @@ fn normal(piece: &Piece, track: Track, plan: &Plan, model: &Model) -> Result<Nor
         return Ok(Normal::zero(free_parameters(model).len()));
     }
     // The functions that follow whatever is systematic are the piece's own, so that they follow slow changes, too.
-    let folds = system::folds(&problem);
+    let blocks = system::blocks(&problem);
     let dictionary = Dictionary::new(&problem.tracks);
     let system = System::new(&problem, model)?;
-    let residual = match follow_everything(&problem, &system, &dictionary, &folds) {
+    let residual = match follow_everything(&problem, &system, &dictionary, &blocks) {
         Ok((residual, _)) => residual,
         Err(_) => system::residual(&problem, model),
     };
@@ -68,7 +68,7 @@ fn clusters(piece: &Piece, problem: &Problem) -> Vec<Option<usize>> {
     } else {
         instant(piece.core.end)
     };
-    let length = system::block(piece.training);
+    let length = system::block_length(piece.training);
     let mut last = None;
     let mut count = 0;
     let rows = problem.rows.iter().map(|row| {

@@ -6,7 +6,7 @@ use bristle_core::control::{Backlash, Effects, Harmonic, WAVES};
 
 use super::Drive;
 use crate::error::{Error, Result};
-use crate::model::{Model, Motion, Term};
+use crate::model::{Model, Term};
 
 /// Effects that a controller has an answer to, or that need none.
 pub(super) fn of(model: &Model, drive: &Drive, count: f64) -> Result<Effects<f64>> {
@@ -27,7 +27,7 @@ pub(super) fn of(model: &Model, drive: &Drive, count: f64) -> Result<Effects<f64
                 harmonic(1.0 / TAU, count, value(0), value(1)),
             )?,
             "cogging" => {
-                let periods = value(2) / turn(model);
+                let periods = value(2) / model.motion.turn();
                 place(
                     &mut effects,
                     &mut waves,
@@ -46,14 +46,6 @@ pub(super) fn of(model: &Model, drive: &Drive, count: f64) -> Result<Effects<f64
         }
     }
     Ok(effects)
-}
-
-/// rad or m to a turn or a metre.
-fn turn(model: &Model) -> f64 {
-    match model.motion {
-        Motion::Rotary => TAU,
-        Motion::Linear => 1.0,
-    }
 }
 
 fn place(effects: &mut Effects<f64>, waves: &mut usize, wave: Harmonic<f64>) -> Result<()> {

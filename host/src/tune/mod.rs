@@ -14,8 +14,8 @@ use bristle_core::control::{
 use bristle_core::friction::Curve;
 use statrs::function::gamma::gamma;
 
-use crate::error::{Error, Result};
-use crate::model::{Causality, Kind, Label, Law, Model, Motion};
+use crate::error::{self, Error, Result};
+use crate::model::{Causality, Kind, Label, Law, Model};
 use crate::plant::{DcMotor, geared_servo};
 
 /// What the owner of an axis asks for.
@@ -117,18 +117,12 @@ impl Drive {
 impl Wish {
     /// Refuses what makes no sense by itself.
     fn check(&self) -> Result<()> {
-        let all = [
-            ("--bandwidth", self.bandwidth),
-            ("--rate", self.rate),
-            ("--counts", self.counts),
-            ("--limit", self.limit),
-        ];
-        match all.into_iter().find(|(_, x)| !(*x > 0.0 && x.is_finite())) {
-            Some((name, value)) => Err(Error::Usage(format!(
-                "{name} {value} must be a positive number"
-            ))),
-            None => Ok(()),
-        }
+        error::positive(&[
+            ("--bandwidth", Some(self.bandwidth)),
+            ("--rate", Some(self.rate)),
+            ("--counts", Some(self.counts)),
+            ("--limit", Some(self.limit)),
+        ])
     }
 }
 
@@ -144,12 +138,7 @@ pub fn parameters(model: &Model, wish: &Wish) -> Result<Parameters<f64>> {
     let drive = Drive::of(model)?;
     let pole = std::f64::consts::TAU * wish.bandwidth / DOUBLE_POLE;
     let period = 1.0 / wish.rate;
-    let turn = if model.motion == Motion::Rotary {
-        std::f64::consts::TAU
-    } else {
-        1.0
-    };
-    let count = turn / wish.counts;
+    let count = model.motion.turn() / wish.counts;
     let velocity_gain = 2.0 * drive.inertia * pole;
     let observer_bandwidth = OBSERVER * pole;
     let friction = friction(model);

@@ -113,10 +113,10 @@ pub fn forms(model: &Model) -> Vec<Box<dyn Form>> {
 pub fn solve(
     form: &dyn Form,
     problem: &Problem,
-    folds: &[Option<usize>],
+    blocks: &[Option<usize>],
     model: &Model,
 ) -> Option<Solution> {
-    let folds = &seen(form, problem, folds, model);
+    let blocks = &seen(form, problem, blocks, model);
     let tracks = problem.tracks.iter().zip(&problem.windows);
     let mut stacked: Vec<Vec<f64>> = Vec::new();
     for (track, windows) in tracks {
@@ -127,7 +127,7 @@ pub fn solve(
             all.extend(own);
         }
     }
-    let first = least_squares(folds, &stacked)?;
+    let first = least_squares(blocks, &stacked)?;
     let first = decoded(form, first);
     let factors = problem.tracks.iter().zip(&problem.windows);
     let factors: Option<Vec<Vec<f64>>> = factors
@@ -140,26 +140,26 @@ pub fn solve(
     for column in &mut stacked {
         column.iter_mut().zip(&factors).for_each(|(x, f)| *x /= f);
     }
-    least_squares(folds, &stacked).map(|fit| decoded(form, fit))
+    least_squares(blocks, &stacked).map(|fit| decoded(form, fit))
 }
 
 /// Share of the friction level that bristles bear over a window in which the axis slides. Below, it reverses, rests or
 /// creeps on bent bristles for part of the time.
 const SLIDING: f64 = 0.99;
 
-/// The folds of the rows that a form may see. Where bristles bend is taken from the model's own, where it has any.
+/// The blocks of the rows that a form may see. Where bristles bend is taken from the model's own, where it has any.
 fn seen(
     form: &dyn Form,
     problem: &Problem,
-    folds: &[Option<usize>],
+    blocks: &[Option<usize>],
     model: &Model,
 ) -> Vec<Option<usize>> {
     if !form.sliding_only() {
-        return folds.to_vec();
+        return blocks.to_vec();
     }
     let direction = problem.coulomb(&problem.direction(model));
-    let rows = folds.iter().zip(direction.iter());
-    rows.map(|(fold, s)| fold.filter(|_| s.abs() >= SLIDING))
+    let rows = blocks.iter().zip(direction.iter());
+    rows.map(|(block, s)| block.filter(|_| s.abs() >= SLIDING))
         .collect()
 }
 
@@ -169,14 +169,14 @@ fn seen(
 /// the instant of the reversal, and it is there that bristles and Stribeck curves show. The covariance allows for the
 /// overlap of windows by blocks that hold many of them.
 fn least_squares(
-    folds: &[Option<usize>],
+    blocks: &[Option<usize>],
     stacked: &[Vec<f64>],
 ) -> Option<(DVector<f64>, DMatrix<f64>)> {
     let (response, regressors) = stacked.split_first()?;
     let columns: Vec<&[f64]> = regressors.iter().map(Vec::as_slice).collect();
-    let products = linear::score(response, &columns, folds, 0.0, None)?.beta;
+    let products = linear::score(response, &columns, blocks, 0.0, None)?.beta;
     let seen = |x: &[f64]| -> DVector<f64> {
-        let rows = x.iter().zip(folds).filter(|(_, f)| f.is_some());
+        let rows = x.iter().zip(blocks).filter(|(_, f)| f.is_some());
         DVector::from_vec(rows.map(|(x, _)| *x).collect())
     };
     let columns: Vec<DVector<f64>> = regressors.iter().map(|c| seen(c)).collect();
@@ -187,7 +187,7 @@ fn least_squares(
     let sigma = (residual.norm_squared() / freedom)
         .sqrt()
         .max(f64::MIN_POSITIVE);
-    let normal = Normal::new(&(columns / sigma), &(residual / sigma), &clusters(folds));
+    let normal = Normal::new(&(columns / sigma), &(residual / sigma), &clusters(blocks));
     let (plain, sandwich, scale) = normal.covariances()?;
     // The larger of the two variances, with the correlations of the sandwich.
     let raised: Vec<f64> = (0..scale.len())

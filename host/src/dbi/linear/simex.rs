@@ -62,7 +62,7 @@ impl NoiseDraws {
                 model.motion,
                 Response::Acceleration,
             );
-            solve(form, &problem, &system::folds(&problem), model).map(|s| s.physical)
+            solve(form, &problem, &system::blocks(&problem), model).map(|s| s.physical)
         };
         let clean = estimate(&self.clean)?;
         let noisy: Vec<Vec<f64>> = self

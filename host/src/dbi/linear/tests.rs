@@ -38,7 +38,7 @@ fn found(model: &Model, recording: &Recording, half_width: f64) -> Solution {
     let reach = (half_width / PERIOD).round() as usize;
     let problem = Problem::new(tracks, &[reach], model.motion, Response::Acceleration);
     let form = forms(model).remove(0);
-    solve(form.as_ref(), &problem, &system::folds(&problem), model).unwrap()
+    solve(form.as_ref(), &problem, &system::blocks(&problem), model).unwrap()
 }
 
 fn assert_close(solution: &Solution, truth: &[f64], tolerance: f64) {
