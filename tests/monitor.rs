@@ -620,9 +620,8 @@ fn turn(browser: &mut Browser, velocity: f64) {
     browser.click("enable");
     browser.wait("!document.getElementById('value').disabled");
     browser.value(&format!(
-        "document.getElementById('value').value = '{velocity}'"
+        "document.getElementById('value').value = '{velocity}'; document.querySelector('#ask button[type=submit]').click()"
     ));
-    browser.value("document.querySelector('#ask button[type=submit]').click()");
     browser.wait(&format!("Math.abs({VELOCITY} - {velocity}) < 0.1"));
 }
 

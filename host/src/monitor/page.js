@@ -155,7 +155,10 @@ function introduce(news) {
       make("td", { className: "number" }, make("output", { id: `v-${signal.id}`, textContent: "–" })),
       make("td", { className: "unit", textContent: signal.unit }));
   }));
+  // A stream that broke and came back introduces the board again: what a person was typing stays.
+  const typed = $("value").value;
   choose(mode);
+  $("value").value = $("slider").value = typed;
   arrange();
 }
 
@@ -170,7 +173,7 @@ function show(now) {
   pill("lost", String(lost), lost > 0 ? "warn" : "");
   $("lost").title = `${telemetry} telemetry frames found the line busy, ${damaged} frames came damaged, the board missed ${commands} commands`;
   alarm(up ? (about?.harmless ? "This board was never set up and cannot move: put a model on it with bristle deploy." : "") : `The link to the board is lost (${status.why || "silent"}). It turns its bridge off by itself; nothing asked for here reaches it until the link is back.`);
-  $("enable").disabled = !up || status.state !== "Off" || status.armed;
+  $("enable").disabled = !up || !about || status.state !== "Off" || status.armed;
   $("clear").disabled = !up || status.faults.length === 0;
   for (const element of $("ask").elements) element.disabled = !up || !status.armed;
   for (const button of $("modes").children) button.disabled = !up || !status.armed;
