@@ -16,7 +16,7 @@ use crate::linear::{self, FOLDS, Score};
 use crate::model::{Causality, Model, Parameter, Term};
 use crate::noise::Noise;
 use crate::problem::{Column, Problem, Response};
-use crate::weak::Part;
+use crate::weak::{Part, Track};
 
 /// What a coefficient of the linear problem stands for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,6 +77,13 @@ pub fn blocks(problem: &Problem) -> Vec<Option<usize>> {
         (row.part == Part::Train).then(|| first + (time / length) as usize)
     };
     problem.rows.iter().map(number).collect()
+}
+
+/// Whether a recording is so short that its blocks are shorter than usual.
+pub fn shortened(problem: &Problem) -> bool {
+    let training = |t: &Track| t.boundary as f64 * t.period;
+    let mut tracks = problem.tracks.iter();
+    tracks.any(|track| block_length(training(track)) < BLOCK)
 }
 
 /// Length of the blocks of a recording, s. Short recordings are cut into smaller ones, so that every fold has its share of

@@ -128,7 +128,7 @@ pub(super) fn with_trial(model: &Model, trial: &Trial) -> Model {
 }
 
 fn passes(trial: &Trial) -> bool {
-    trial.certain() && trial.reaches(FLOOR, LEAST_DELTA_BIC)
+    trial.certain && trial.reaches(FLOOR, LEAST_DELTA_BIC)
 }
 
 /// Whether a model has room for an effect: it does not have it yet, such an axis can show it, and only one load can hang on

@@ -119,7 +119,7 @@ fn more(
         } else {
             (FLOOR, LEAST_DELTA_BIC)
         };
-        trial.certain() && trial.reaches(share, evidence) && pace(trial, &survey) >= slowest
+        trial.certain && trial.reaches(share, evidence) && pace(trial, &survey) >= slowest
     };
     // What a load does follows from measured positions, noise and all.
     let quiet = fine.width.quiet();

@@ -1,13 +1,16 @@
 //! One effect tried on top of a model.
 
+use statrs::distribution::{ContinuousCDF, StudentsT};
+
 use super::confirm::HeldOut;
 use super::select::{CERTAIN, FLOOR};
-use crate::effects::{Effect, Inner};
+use crate::effects::{self, Effect, Inner};
 use crate::error::Result;
 use crate::identify::Workbench;
 use crate::linear::{self, Score};
 use crate::model::Model;
 use crate::scan::{self, Ground};
+use crate::system;
 
 /// The best that an effect can do on top of a model.
 #[derive(Clone)]
@@ -19,14 +22,11 @@ pub(super) struct Trial {
     pub delta_bic: f64,
     /// How much the cross-validated squared error falls.
     pub gain: Gain,
+    /// Whether its gain is no chance of a few blocks.
+    pub certain: bool,
 }
 
 impl Trial {
-    /// Whether its gain is no chance of a few blocks.
-    pub fn certain(&self) -> bool {
-        self.gain.t >= CERTAIN
-    }
-
     /// Whether it takes that share off the squared error and BIC falls so far.
     pub fn reaches(&self, share: f64, delta_bic: f64) -> bool {
         self.gain.share >= share && self.delta_bic >= delta_bic
@@ -92,6 +92,21 @@ impl<'a> Base<'a> {
         self.bench.blocks.iter().flatten().count() as f64
     }
 
+    /// The t from which on a gain is no chance of a few blocks.
+    ///
+    /// Blocks of a short recording are short themselves and share much of their windows with their neighbours, so that what
+    /// fits those by chance fits them, too: the best of a whole catalogue is then to be told from chance by t alone, whose
+    /// level all effects share (Šidák, Journal of the American Statistical Association 62, 1967). Elsewhere what is too small
+    /// to matter, [`FLOOR`], keeps chance out.
+    fn least_t(&self) -> f64 {
+        let count = self.ground.score.by_block.len() as f64;
+        let all = effects::ALL.len() as f64;
+        let level = (1.0 - FALSE_ALARMS).powf(1.0 / all);
+        let short = system::shortened(&self.bench.problem);
+        let t = StudentsT::new(0.0, 1.0, count - 1.0).ok().filter(|_| short);
+        t.map_or(CERTAIN, |t| t.inverse_cdf(level))
+    }
+
     /// Tries an effect with all values of its inner parameters; `None` if none of its parameters is physical.
     pub fn attempt(&self, effect: &'static dyn Effect) -> Result<Option<Trial>> {
         let Some(found) = self.ground.best(&scan::open(effect))? else {
@@ -100,11 +115,13 @@ impl<'a> Base<'a> {
         let parameters = effect.parameters().len() as f64;
         let penalty = parameters * self.rows().ln() + 2.0 * (found.tried as f64).ln();
         let before = &self.ground.score;
+        let gain = Gain::of(before, &found.score);
         Ok(Some(Trial {
             effect,
             inner: found.inner,
             delta_bic: before.chi2 - found.score.chi2 - penalty,
-            gain: Gain::of(before, &found.score),
+            gain,
+            certain: gain.t >= self.least_t(),
         }))
     }
 
@@ -127,7 +144,7 @@ impl<'a> Base<'a> {
         };
         Generic {
             gain: gain.share,
-            certain: gain.share >= FLOOR && (gain.t >= CERTAIN || shows_again()),
+            certain: gain.share >= FLOOR && (gain.t >= self.least_t() || shows_again()),
         }
     }
 
@@ -167,6 +184,8 @@ impl<'a> Base<'a> {
     }
 }
 
+/// Share of clean short recordings in which chance may name anything.
+const FALSE_ALARMS: f64 = 0.05;
 /// Span on either side from which the residual of a row is told, s: shorter spells are noise, longer ones are seen in it.
 const SPELL: f64 = 0.5;
 /// Half-widths of windows from which on two rows have no noise in common: the windows themselves reach over two of them,
