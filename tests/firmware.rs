@@ -4,6 +4,7 @@
 //! `BRISTLE_REQUIRE_QEMU=1` is set.
 #![cfg(unix)]
 
+mod current;
 mod emulator;
 mod fixed_point;
 
@@ -17,7 +18,7 @@ use bristle::image;
 use bristle::model::Model;
 use bristle::plant;
 use bristle::tune::{self, Wish};
-use bristle_core::control::SetPoint;
+use bristle_core::control::{SetPoint, Stage};
 use bristle_core::drive::recorder::{Order, Trigger};
 use bristle_core::drive::signal::{Selection, Signal};
 use bristle_core::drive::store::checksum;
@@ -49,6 +50,7 @@ const SETUP: Setup = Setup {
         rate: 1000.0,
         counts: 16384.0,
         limit: 1.0,
+        current: None,
     },
     compensate: true,
 };
@@ -738,12 +740,15 @@ fn a_control_period_fits_its_budget_of_instructions() {
     let Some(images) = runnable_images() else {
         return;
     };
-    count_instructions(&images.cost, "");
-    count_instructions(&images.stages, "");
+    count_instructions(&images.cost, "", 1);
+    count_instructions(&images.stages, "", STAGES);
 }
 
-/// Runs an image that prints a line `stage median most` for each stage, and compares with the budgets of that prefix.
-fn count_instructions(image: &Path, prefix: &str) {
+/// What `examples/stages.rs` counts: the control law, and each stage.
+const STAGES: usize = 1 + Stage::ALL.len();
+
+/// Runs an image that prints so many lines `stage median most`, and compares with the budgets of that prefix.
+fn count_instructions(image: &Path, prefix: &str, lines: usize) {
     let output = std::process::Command::new(emulate::QEMU)
         .args(["-M", Launch::F405.machine, "-nographic", "-monitor", "none"])
         .args(["-serial", "null", "-icount", "shift=0"])
@@ -754,7 +759,7 @@ fn count_instructions(image: &Path, prefix: &str) {
     assert!(output.status.success(), "{output:?}");
     let text = String::from_utf8(output.stdout).expect("text");
     let stages: Vec<Vec<&str>> = text.lines().map(|l| l.split(' ').collect()).collect();
-    assert!(!stages.is_empty(), "{text}");
+    assert_eq!(stages.len(), lines, "{text}");
     for stage in stages {
         let [name, median, most] = stage[..] else {
             panic!("{text}")
@@ -775,7 +780,8 @@ fn the_log_tells_what_happened_and_in_which_period() {
     }
     let directory = Path::new(env!("CARGO_TARGET_TMPDIR")).join("logging");
     for (target, launch) in [(image::F405, Launch::F405), (image::F100, Launch::F100)] {
-        let image = image::build(target, Some(&directory), true).expect("the firmware builds");
+        let log = ["--features", "log"];
+        let image = image::build(target, Some(&directory), &log).expect("the firmware builds");
         let launch = Launch {
             logged: true,
             ..launch
