@@ -46,12 +46,6 @@ impl Winding {
         }
         let motor = motor(model)?;
         let gain = motor.axis.gain;
-        if gain <= 0.0 || motor.torque_constant == 0.0 {
-            return Err(Error::Usage(format!(
-                "plant.gain = {gain} and torque_constant = {} leave no current to control; the one must be positive and the other not zero",
-                motor.torque_constant
-            )));
-        }
         Ok(Self {
             resistance: motor.resistance / gain,
             inductance: motor.inductance / gain,
@@ -136,13 +130,11 @@ mod tests {
             "resistance = 2.6\ninductance = 1.8e-3\ntorque_constant = 0.05\n",
             "",
         );
-        let turned = MOTOR.replace("gain = 2.0", "gain = -2.0");
         for (text, bandwidth, limit, part) in [
             (MOTOR, 319.0, None, "318.3"),
             (MOTOR, -1.0, None, "--current-bandwidth"),
             (MOTOR, 100.0, Some(0.0), "--current-limit"),
             (&plain, 100.0, None, "dc-motor"),
-            (&turned, 100.0, None, "plant.gain"),
         ] {
             let refused = current(&Model::parse(text).unwrap(), &wish(bandwidth, limit));
             let said = refused.err().unwrap();
