@@ -64,8 +64,8 @@ fn parameters() -> Parameters<f32> {
 }
 
 /// A board that is set up and on.
-fn running(transport: Transport, parameters: Parameters<f32>) -> Option<Board<f32>> {
-    Some(switched_on(booted(transport)?, parameters))
+fn running(transport: Transport, parameters: &Parameters<f32>) -> Option<Board<f32>> {
+    Some(switched_on(booted(transport)?, *parameters))
 }
 
 fn switched_on<T: Number>(mut board: Board<T>, parameters: Parameters<T>) -> Board<T> {
@@ -132,7 +132,7 @@ fn assert_same<T: Number>(board: &Outcome<T>, host: &Outcome<T>) {
 
 #[test]
 fn ten_seconds_in_closed_loop_equal_the_hosts_bit_for_bit() {
-    let Some(mut board) = running(Transport::Fast, parameters()) else {
+    let Some(mut board) = running(Transport::Fast, &parameters()) else {
         return;
     };
     let mut host = OnHost::new(parameters()).expect("valid parameters");
@@ -152,7 +152,7 @@ fn assert_followed<T>(board: &Outcome<T>) {
 
 #[test]
 fn the_serial_port_gives_the_same_as_the_fast_transport() {
-    let Some(mut serial) = running(Transport::Serial, parameters()) else {
+    let Some(mut serial) = running(Transport::Serial, &parameters()) else {
         return;
     };
     let mut host = OnHost::new(parameters()).expect("valid parameters");
@@ -177,7 +177,7 @@ fn status<T: Number>(board: &mut Board<T>) -> (State, Vec<Fault>, Counters) {
 
 #[test]
 fn the_ring_holds_what_the_host_saw_from_the_trigger_on() {
-    let Some(mut board) = running(Transport::Fast, parameters()) else {
+    let Some(mut board) = running(Transport::Fast, &parameters()) else {
         return;
     };
     let order = Order {
@@ -269,7 +269,7 @@ type Damage = fn(&mut Sample);
 
 #[test]
 fn every_fault_of_a_sample_turns_the_bridge_off_in_its_own_period() {
-    let Some(mut board) = running(Transport::Fast, parameters()) else {
+    let Some(mut board) = running(Transport::Fast, &parameters()) else {
         return;
     };
     assert!((0..5).all(|_| healthy(&mut board).bridge));
@@ -296,7 +296,7 @@ fn every_fault_of_a_sample_turns_the_bridge_off_in_its_own_period() {
 
 #[test]
 fn silence_and_standstill_turn_the_bridge_off_when_their_limits_say() {
-    let Some(mut board) = running(Transport::Fast, parameters()) else {
+    let Some(mut board) = running(Transport::Fast, &parameters()) else {
         return;
     };
     let limits = parameters().limits;
@@ -329,7 +329,7 @@ fn silence_and_standstill_turn_the_bridge_off_when_their_limits_say() {
 
 #[test]
 fn what_goes_wrong_inside_turns_the_bridge_off_as_well() {
-    let Some(mut board) = running(Transport::Fast, parameters()) else {
+    let Some(mut board) = running(Transport::Fast, &parameters()) else {
         return;
     };
     let not_a_number = |board: &mut Board<f32>| {
@@ -359,7 +359,7 @@ fn what_goes_wrong_inside_turns_the_bridge_off_as_well() {
 
 #[test]
 fn a_hang_ends_in_a_reset_with_the_bridge_off() {
-    let Some(mut board) = running(Transport::Fast, parameters()) else {
+    let Some(mut board) = running(Transport::Fast, &parameters()) else {
         return;
     };
     assert!(healthy(&mut board).bridge);
@@ -512,7 +512,7 @@ fn faults_are_explained_by_name_and_by_number() {
 
 #[test]
 fn what_must_not_be_is_refused_by_name() {
-    let Some(mut board) = running(Transport::Fast, parameters()) else {
+    let Some(mut board) = running(Transport::Fast, &parameters()) else {
         return;
     };
     let refused = |board: &mut Board<f32>, command, why| {
@@ -540,7 +540,7 @@ fn what_must_not_be_is_refused_by_name() {
 
 #[test]
 fn telemetry_comes_as_chosen_and_in_step_with_the_periods() {
-    let Some(mut board) = running(Transport::Fast, parameters()) else {
+    let Some(mut board) = running(Transport::Fast, &parameters()) else {
         return;
     };
     let selection = Selection::of(&[Signal::Input, Signal::Bus]);
@@ -566,7 +566,7 @@ fn telemetry_comes_as_chosen_and_in_step_with_the_periods() {
 
 #[test]
 fn garbage_and_gaps_are_counted_and_do_not_stop_the_loop() {
-    let Some(mut board) = running(Transport::Serial, parameters()) else {
+    let Some(mut board) = running(Transport::Serial, &parameters()) else {
         return;
     };
     let mut expected = Counters::default();

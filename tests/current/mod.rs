@@ -82,7 +82,7 @@ fn off(outcome: &Outcome<f32>, first: usize, samples: usize, wanted: f64) -> f64
 
 #[test]
 fn a_torque_becomes_its_current_within_the_bandwidth_asked_for() {
-    let Some(mut board) = running(Transport::Fast, parameters()) else {
+    let Some(mut board) = running(Transport::Fast, &parameters()) else {
         return;
     };
     let steps = [(0.1, 60), (-0.1, 60), (0.0, 60)];
@@ -103,7 +103,7 @@ fn a_torque_becomes_its_current_within_the_bandwidth_asked_for() {
 /// Ten seconds of position control through the winding, where host and board are the same bits, and the axis follows.
 #[test]
 fn position_control_through_the_current_loop_equals_the_hosts_bit_for_bit() {
-    let Some(mut board) = running(Transport::Fast, parameters()) else {
+    let Some(mut board) = running(Transport::Fast, &parameters()) else {
         return;
     };
     let path = |k: usize| {
@@ -135,7 +135,7 @@ fn no_torque_asks_for_more_than_the_limit_of_current() {
 /// torque turns round the current does so as fast as ever.
 #[test]
 fn a_low_bus_saturates_the_voltage_and_winds_nothing_up() {
-    let Some(mut board) = running(Transport::Fast, parameters()) else {
+    let Some(mut board) = running(Transport::Fast, &parameters()) else {
         return;
     };
     let steps = [(0.4, 4000), (-0.1, 60)];
@@ -178,7 +178,7 @@ fn the_velocity_loop_above_does_not_wind_up_either() {
 /// A set with a current loop goes into the flash and comes back, and one out of range is refused.
 #[test]
 fn a_board_keeps_the_current_loop_and_refuses_a_bad_one() {
-    let Some(mut board) = running(Transport::Fast, parameters()) else {
+    let Some(mut board) = running(Transport::Fast, &parameters()) else {
         return;
     };
     board.tell(Command::Disable).expect("it is turned off");
@@ -189,4 +189,56 @@ fn a_board_keeps_the_current_loop_and_refuses_a_bad_one() {
     let mut bad = parameters();
     bad.current.as_mut().expect("a loop").reset = 1.5;
     assert!(board.tell(Command::Set(bad)).is_err());
+}
+
+/// The command, with and without the emulator, and what it refuses.
+#[test]
+fn the_command_runs_the_current_loop_with_and_without_the_emulator() {
+    let Some(images) = crate::emulator::runnable_images() else {
+        return;
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("motor.toml"), MOTOR).expect("it is written");
+    let image = images.firmware.to_str().expect("UTF-8");
+    let run = |out: &str, more: &[&str]| {
+        let mut arguments = vec!["emulate", "--model", "motor.toml", "--excite", "multisine"];
+        arguments.extend([
+            "--amplitude",
+            "3",
+            "--band",
+            "0.5:5",
+            "--duration",
+            "2",
+            "--limit",
+            "24",
+        ]);
+        arguments.extend(["--out", out]);
+        arguments.extend(more);
+        crate::bristle(folder.path(), &arguments)
+    };
+    let bandwidth = ["--current-bandwidth", "30"];
+    let written = |out: &str| std::fs::read(folder.path().join(out)).expect("it was written");
+    assert_eq!(
+        run("board.csv", &[&bandwidth[..], &["--image", image]].concat()).0,
+        Some(0)
+    );
+    assert_eq!(
+        run("host.csv", &[&bandwidth[..], &["--on-host"]].concat()).0,
+        Some(0)
+    );
+    assert!(written("board.csv") == written("host.csv"));
+    assert_eq!(run("voltage.csv", &["--on-host"]).0, Some(0));
+    assert!(written("voltage.csv") != written("host.csv"));
+    for (more, part) in [
+        (&["--current-bandwidth", "50"][..], "39.7"),
+        (
+            &["--current-bandwidth", "30", "--current-limit", "60"],
+            "--current-limit",
+        ),
+        (&["--current-limit", "5"], "--current-bandwidth"),
+    ] {
+        let (status, said) = run("bad.csv", &[more, &["--on-host"]].concat());
+        assert!(status == Some(2) && said.contains(part), "{said}");
+    }
+    assert!(!folder.path().join("bad.csv").exists());
 }

@@ -24,15 +24,15 @@ pub fn parameters() -> Parameters<Q16> {
 }
 
 /// A board that is set up and on.
-fn running(transport: Transport, parameters: Parameters<Q16>) -> Option<Board<Q16>> {
-    Some(switched_on(booted_fixed(transport)?, parameters))
+fn running(transport: Transport, parameters: &Parameters<Q16>) -> Option<Board<Q16>> {
+    Some(switched_on(booted_fixed(transport)?, *parameters))
 }
 
 /// Over reversals, bristles, gravity and all, and as well as in floating point.
 #[test]
 fn ten_seconds_in_fixed_point_equal_the_hosts_bit_for_bit() {
     let Tuned { parameters, units } = tuned();
-    let Some(mut board) = running(Transport::Fast, parameters) else {
+    let Some(mut board) = running(Transport::Fast, &parameters) else {
         return;
     };
     let plan = plan(10_000, &units);
@@ -45,7 +45,7 @@ fn ten_seconds_in_fixed_point_equal_the_hosts_bit_for_bit() {
 #[test]
 fn the_serial_port_gives_the_same_as_the_fast_transport_in_fixed_point() {
     let Tuned { parameters, units } = tuned();
-    let Some(mut serial) = running(Transport::Serial, parameters) else {
+    let Some(mut serial) = running(Transport::Serial, &parameters) else {
         return;
     };
     let plan = plan(300, &units);
@@ -87,7 +87,7 @@ fn the_command_gives_the_same_bytes_with_and_without_the_emulator_in_fixed_point
 #[test]
 fn faults_and_parameters_are_handled_in_8_kb() {
     let Tuned { parameters, .. } = tuned::<Q16>();
-    let Some(mut board) = running(Transport::Serial, parameters) else {
+    let Some(mut board) = running(Transport::Serial, &parameters) else {
         return;
     };
     assert!((0..5).all(|_| healthy(&mut board).bridge));
