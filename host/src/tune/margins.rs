@@ -12,7 +12,8 @@ use serde::Serialize;
 pub struct Margins {
     /// Highest frequency at which the loop gain is 1, Hz.
     pub crossover: f64,
-    /// What the phase lacks to −180° there, degrees; the least one if there are several crossovers.
+    /// What the phase lacks to −180° there, degrees; the least one if there are several crossovers, and negative if the loop is
+    /// unstable.
     pub phase: f64,
     /// Factor by which the gain may rise before the loop is unstable; none if no rise makes it so.
     pub gain: Option<f64>,
@@ -59,10 +60,12 @@ pub fn margins(parameters: &Parameters<f64>, pace: Option<f64>) -> Margins {
     for pair in points.windows(2) {
         let [(omega, gain, phase), (_, next_gain, next_phase)] = [pair[0], pair[1]];
         if (gain - 1.0) * (next_gain - 1.0) <= 0.0 {
-            let margin = (phase + PI).rem_euclid(2.0 * PI);
+            // Between −180° and 180°: what is beyond is a loop that is unstable already.
+            let ahead = (phase + PI).rem_euclid(2.0 * PI);
+            let margin = if ahead > PI { ahead - 2.0 * PI } else { ahead };
             found.crossover = found.crossover.max(omega / (2.0 * PI));
             found.phase = found.phase.min(margin.to_degrees());
-            found.delay = found.delay.min(margin / omega);
+            found.delay = found.delay.min(margin.max(0.0) / omega);
         }
         let odd = |phase: f64| ((phase + PI) / (2.0 * PI)).floor();
         if odd(phase) != odd(next_phase) && gain < 1.0 {
@@ -246,5 +249,14 @@ mod tests {
             let beyond = (1.2 * samples).ceil() as usize;
             assert!(swing(1.0, beyond) > 0.05, "{found:?}");
         }
+    }
+
+    #[test]
+    fn a_current_loop_that_is_too_slow_leaves_no_margin() {
+        let tuned = tuned(12.0);
+        let slow = margins(&tuned, Some(0.02));
+        assert!(slow.phase < 0.0 && slow.delay == 0.0, "{slow:?}");
+        assert!(swing(&tuned, 0.02, 1.0, 0) > 0.05);
+        assert!(margins(&tuned, None).phase > 45.0);
     }
 }
