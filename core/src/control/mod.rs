@@ -20,9 +20,9 @@
 //!
 //! | friction | Coulomb level | `f32` | fixed point |
 //! | --- | --- | --- | --- |
-//! | static | by the observer | 462 | 1038 |
-//! | static | by rows | 476 | 1020 |
-//! | bristles | by the observer | 512 | 1290 |
+//! | static | by the observer | 468 | 1030 |
+//! | static | by rows | 482 | 1013 |
+//! | bristles | by the observer | 517 | 1273 |
 //!
 //! ```
 //! use bristle_core::control::{
