@@ -222,3 +222,43 @@ fn the_firmware_makes_of_an_experiment_what_the_host_does() {
         assert_eq!(run["equal"], run["periods"], "{run}");
     }
 }
+
+#[test]
+fn a_current_loop_is_tuned_and_deployed_with_a_motor() {
+    let folder = Folder::new();
+    folder.write(
+        "motor.toml",
+        "[plant]\nkind = \"dc-motor\"\nmotion = \"rotary\"\ninput = \"voltage\"\ninertia = 2e-3\nresistance = 1.3\n\
+        inductance = 2e-3\ntorque_constant = 0.05\n[friction]\ncoulomb = 0.01\nviscous = 2e-4\n",
+    );
+    let wish = "motor.toml --bandwidth 4 --limit 20 --current-bandwidth 30 --current-limit 8";
+    let said = folder.done(&format!("tune {wish} --json tuned.json"));
+    assert!(said.contains("current gain"), "{said}");
+    let tuned = folder.json("tuned.json");
+    let number = |json: &serde_json::Value, key: &str| json[key].as_f64().expect("a number");
+    // 1 − e^(−R·T/L), and a torque constant in place of one over the resistance.
+    let reset = 1.0 - (-1.3e-3 / 2e-3_f64).exp();
+    assert!((number(&tuned["current"], "reset") - reset).abs() < 1e-12);
+    assert_eq!(number(&tuned["parameters"], "gain"), 0.05);
+    assert_eq!(number(&tuned["parameters"], "command_limit"), 8.0);
+    // A loop so slow that the position loop would ring.
+    let slow = wish.replace("--current-bandwidth 30", "--current-bandwidth 4");
+    let refused = folder.run(&format!("tune {slow}"));
+    assert_eq!(refused.status, 2, "{refused:?}");
+    assert!(refused.stderr.contains("phase margin"), "{refused:?}");
+    let Some(images) = runnable_images() else {
+        return;
+    };
+    let image = images.firmware.display();
+    folder.done(&format!(
+        "deploy {wish} --emulated --image {image} --json out.json"
+    ));
+    let out = folder.json("out.json");
+    let held = number(&out["parameters"]["current"], "reset");
+    assert!((held - reset).abs() < 1e-6);
+    let tight = folder.run(&format!(
+        "deploy {wish} --current 7 --emulated --image {image}"
+    ));
+    assert_eq!(tight.status, 2, "{tight:?}");
+    assert!(tight.stderr.contains("--current-limit"), "{tight:?}");
+}

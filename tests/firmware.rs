@@ -4,6 +4,7 @@
 //! `BRISTLE_REQUIRE_QEMU=1` is set.
 #![cfg(unix)]
 
+mod current;
 mod emulator;
 mod fixed_point;
 
@@ -17,7 +18,7 @@ use bristle::image;
 use bristle::model::Model;
 use bristle::plant;
 use bristle::tune::{self, Wish};
-use bristle_core::control::SetPoint;
+use bristle_core::control::{SetPoint, Stage};
 use bristle_core::drive::recorder::{Order, Trigger};
 use bristle_core::drive::signal::{Selection, Signal};
 use bristle_core::drive::store::checksum;
@@ -49,6 +50,7 @@ const SETUP: Setup = Setup {
         rate: 1000.0,
         counts: 16384.0,
         limit: 1.0,
+        current: None,
     },
     compensate: true,
 };
@@ -62,8 +64,8 @@ fn parameters() -> Parameters<f32> {
 }
 
 /// A board that is set up and on.
-fn running(transport: Transport, parameters: Parameters<f32>) -> Option<Board<f32>> {
-    Some(switched_on(booted(transport)?, parameters))
+fn running(transport: Transport, parameters: &Parameters<f32>) -> Option<Board<f32>> {
+    Some(switched_on(booted(transport)?, *parameters))
 }
 
 fn switched_on<T: Number>(mut board: Board<T>, parameters: Parameters<T>) -> Board<T> {
@@ -130,7 +132,7 @@ fn assert_same<T: Number>(board: &Outcome<T>, host: &Outcome<T>) {
 
 #[test]
 fn ten_seconds_in_closed_loop_equal_the_hosts_bit_for_bit() {
-    let Some(mut board) = running(Transport::Fast, parameters()) else {
+    let Some(mut board) = running(Transport::Fast, &parameters()) else {
         return;
     };
     let mut host = OnHost::new(parameters()).expect("valid parameters");
@@ -150,7 +152,7 @@ fn assert_followed<T>(board: &Outcome<T>) {
 
 #[test]
 fn the_serial_port_gives_the_same_as_the_fast_transport() {
-    let Some(mut serial) = running(Transport::Serial, parameters()) else {
+    let Some(mut serial) = running(Transport::Serial, &parameters()) else {
         return;
     };
     let mut host = OnHost::new(parameters()).expect("valid parameters");
@@ -175,7 +177,7 @@ fn status<T: Number>(board: &mut Board<T>) -> (State, Vec<Fault>, Counters) {
 
 #[test]
 fn the_ring_holds_what_the_host_saw_from_the_trigger_on() {
-    let Some(mut board) = running(Transport::Fast, parameters()) else {
+    let Some(mut board) = running(Transport::Fast, &parameters()) else {
         return;
     };
     let order = Order {
@@ -267,7 +269,7 @@ type Damage = fn(&mut Sample);
 
 #[test]
 fn every_fault_of_a_sample_turns_the_bridge_off_in_its_own_period() {
-    let Some(mut board) = running(Transport::Fast, parameters()) else {
+    let Some(mut board) = running(Transport::Fast, &parameters()) else {
         return;
     };
     assert!((0..5).all(|_| healthy(&mut board).bridge));
@@ -294,7 +296,7 @@ fn every_fault_of_a_sample_turns_the_bridge_off_in_its_own_period() {
 
 #[test]
 fn silence_and_standstill_turn_the_bridge_off_when_their_limits_say() {
-    let Some(mut board) = running(Transport::Fast, parameters()) else {
+    let Some(mut board) = running(Transport::Fast, &parameters()) else {
         return;
     };
     let limits = parameters().limits;
@@ -327,7 +329,7 @@ fn silence_and_standstill_turn_the_bridge_off_when_their_limits_say() {
 
 #[test]
 fn what_goes_wrong_inside_turns_the_bridge_off_as_well() {
-    let Some(mut board) = running(Transport::Fast, parameters()) else {
+    let Some(mut board) = running(Transport::Fast, &parameters()) else {
         return;
     };
     let not_a_number = |board: &mut Board<f32>| {
@@ -357,7 +359,7 @@ fn what_goes_wrong_inside_turns_the_bridge_off_as_well() {
 
 #[test]
 fn a_hang_ends_in_a_reset_with_the_bridge_off() {
-    let Some(mut board) = running(Transport::Fast, parameters()) else {
+    let Some(mut board) = running(Transport::Fast, &parameters()) else {
         return;
     };
     assert!(healthy(&mut board).bridge);
@@ -510,7 +512,7 @@ fn faults_are_explained_by_name_and_by_number() {
 
 #[test]
 fn what_must_not_be_is_refused_by_name() {
-    let Some(mut board) = running(Transport::Fast, parameters()) else {
+    let Some(mut board) = running(Transport::Fast, &parameters()) else {
         return;
     };
     let refused = |board: &mut Board<f32>, command, why| {
@@ -538,7 +540,7 @@ fn what_must_not_be_is_refused_by_name() {
 
 #[test]
 fn telemetry_comes_as_chosen_and_in_step_with_the_periods() {
-    let Some(mut board) = running(Transport::Fast, parameters()) else {
+    let Some(mut board) = running(Transport::Fast, &parameters()) else {
         return;
     };
     let selection = Selection::of(&[Signal::Input, Signal::Bus]);
@@ -564,7 +566,7 @@ fn telemetry_comes_as_chosen_and_in_step_with_the_periods() {
 
 #[test]
 fn garbage_and_gaps_are_counted_and_do_not_stop_the_loop() {
-    let Some(mut board) = running(Transport::Serial, parameters()) else {
+    let Some(mut board) = running(Transport::Serial, &parameters()) else {
         return;
     };
     let mut expected = Counters::default();
@@ -738,12 +740,15 @@ fn a_control_period_fits_its_budget_of_instructions() {
     let Some(images) = runnable_images() else {
         return;
     };
-    count_instructions(&images.cost, "");
-    count_instructions(&images.stages, "");
+    count_instructions(&images.cost, "", 1);
+    count_instructions(&images.stages, "", STAGES);
 }
 
-/// Runs an image that prints a line `stage median most` for each stage, and compares with the budgets of that prefix.
-fn count_instructions(image: &Path, prefix: &str) {
+/// What `examples/stages.rs` counts: the control law, and each stage.
+const STAGES: usize = 1 + Stage::ALL.len();
+
+/// Runs an image that prints so many lines `stage median most`, and compares with the budgets of that prefix.
+fn count_instructions(image: &Path, prefix: &str, lines: usize) {
     let output = std::process::Command::new(emulate::QEMU)
         .args(["-M", Launch::F405.machine, "-nographic", "-monitor", "none"])
         .args(["-serial", "null", "-icount", "shift=0"])
@@ -754,7 +759,7 @@ fn count_instructions(image: &Path, prefix: &str) {
     assert!(output.status.success(), "{output:?}");
     let text = String::from_utf8(output.stdout).expect("text");
     let stages: Vec<Vec<&str>> = text.lines().map(|l| l.split(' ').collect()).collect();
-    assert!(!stages.is_empty(), "{text}");
+    assert_eq!(stages.len(), lines, "{text}");
     for stage in stages {
         let [name, median, most] = stage[..] else {
             panic!("{text}")
@@ -775,7 +780,8 @@ fn the_log_tells_what_happened_and_in_which_period() {
     }
     let directory = Path::new(env!("CARGO_TARGET_TMPDIR")).join("logging");
     for (target, launch) in [(image::F405, Launch::F405), (image::F100, Launch::F100)] {
-        let image = image::build(target, Some(&directory), true).expect("the firmware builds");
+        let log = ["--features", "log"];
+        let image = image::build(target, Some(&directory), &log).expect("the firmware builds");
         let launch = Launch {
             logged: true,
             ..launch

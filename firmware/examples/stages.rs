@@ -42,7 +42,7 @@ mod target {
         for (k, slot) in counts.iter_mut().enumerate() {
             let (position, set_point) = black_box((axis.counts(), aim(k)));
             let (count, output) = counter.count(|| controller.step(position, set_point));
-            *slot = count as u16;
+            *slot = u16::try_from(count).unwrap_or(u16::MAX);
             axis.advance(output.command);
         }
         Some(())
@@ -58,6 +58,7 @@ mod target {
             Stage::Compensation => "compensation",
             Stage::Limits => "limits",
             Stage::Memory => "memory",
+            Stage::Current => "current",
             Stage::Record => "record",
         }
     }

@@ -1,17 +1,13 @@
 //! What waits to be sent where memory is scarce: one report of any size, and one actuation, which never waits for it.
 
-use bristle_core::link::{Frame, Report, encode_short};
+use bristle_core::link::{ACTUATION_CAPACITY, Frame, Report, encode_short};
 use bristle_core::scalar::Q16;
 use heapless::Vec;
-
-/// The most bytes of an actuation's frame: the discriminant, a period and an input of up to five bytes each, the bridge, faults
-/// of up to three, the checksum, what COBS adds, and the delimiter.
-const ACTUATION: usize = 1 + 5 + 5 + 1 + 3 + 2 + 2;
 
 /// Takes frames from the tasks and gives bytes to the line.
 #[derive(Default)]
 pub struct Line {
-    actuation: Vec<u8, ACTUATION>,
+    actuation: Vec<u8, ACTUATION_CAPACITY>,
     frame: Frame,
     /// How much of which of them the line has had.
     sent: usize,
@@ -42,7 +38,7 @@ impl Line {
     /// Leaves an actuation to be sent. The host sends no sample before it has the actuation of the one before, so there is
     /// room.
     pub fn actuate(&mut self, report: &Report<Q16>) {
-        // A frame that is too long would be lost here, which the constant's sum rules out.
+        // A frame that is too long would be lost here, which a test of `link` rules out.
         if let Ok(frame) = encode_short(report) {
             self.actuation = frame;
         }

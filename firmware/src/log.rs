@@ -96,14 +96,9 @@ pub fn started(emulated: bool) {
     line!(info, "started {=str}", place);
 }
 
-/// Parameters were written to the flash, or could not be.
-pub fn stored(done: bool) {
-    let what = if done {
-        "stored"
-    } else {
-        "not stored: the flash cannot be written"
-    };
-    line!(info, "parameters {=str}", what);
+/// Parameters were written to the flash.
+pub fn stored() {
+    line!(info, "parameters stored");
 }
 
 /// A command was refused.

@@ -52,9 +52,6 @@ mod app {
     /// Telemetry that waits to be sent.
     const SNAPSHOTS: usize = 2;
 
-    /// Periods from one comparison of the parameters to the next.
-    const VERIFY_EVERY: u32 = 64;
-
     /// The number of a telemetry frame, the signals wanted, and all there are.
     type Due = (u16, Selection, Snapshot);
 
@@ -208,7 +205,7 @@ mod app {
                     .due
                     .try_send((*cx.local.number, selection, *drive.snapshot()));
             }
-            if drive.snapshot().period.is_multiple_of(VERIFY_EVERY) {
+            if drive.is_to_be_verified() {
                 // A chore that still waits does the same.
                 let _ = cx.local.verify.try_send(Chore::Verify);
             }
@@ -236,14 +233,8 @@ mod app {
                 .shared
                 .drive
                 .lock(|drive| link::serve(drive, counters, &command));
-            if let Reaction::Answer(Answer::Refused(why)) = reaction {
-                log::refused(sequence, why);
-            }
             let report = match reaction {
-                Reaction::Answer(answer) => Report::Answer {
-                    to: sequence,
-                    answer,
-                },
+                Reaction::Answer(answer) => answered(sequence, answer),
                 Reaction::Greet => Report::Hello(hello),
                 Reaction::Store => {
                     let _ = chores.send(Chore::Store(sequence)).await;
@@ -258,6 +249,14 @@ mod app {
         }
     }
 
+    /// The answer to a packet; a refusal is logged.
+    fn answered(to: u16, answer: Answer<f32>) -> Report<f32> {
+        if let Answer::Refused(why) = answer {
+            log::refused(to, why);
+        }
+        Report::Answer { to, answer }
+    }
+
     /// Sends telemetry.
     #[task(priority = 1)]
     async fn stream(
@@ -266,11 +265,7 @@ mod app {
         mut postbox: Postbox,
     ) {
         while let Ok((number, selection, snapshot)) = due.recv().await {
-            let report = Report::<f32>::Telemetry {
-                number,
-                period: snapshot.period,
-                words: snapshot.chosen(selection),
-            };
+            let report = link::telemetry(number, selection, &snapshot);
             postbox.send(&report).await;
         }
     }
@@ -299,12 +294,13 @@ mod app {
                 Chore::Store(to) => {
                     let parameters = cx.shared.drive.lock(|drive| *drive.parameters());
                     let answer = storage.save(&parameters);
-                    log::stored(answer == Answer::Done);
+                    if answer == Answer::Done {
+                        log::stored();
+                    }
                     (to, answer)
                 }
             };
-            let report = Report::<f32>::Answer { to, answer };
-            postbox.send(&report).await;
+            postbox.send(&answered(to, answer)).await;
         }
     }
 }

@@ -19,11 +19,11 @@ mod app {
     use core::mem::MaybeUninit;
 
     use bristle_core::drive::signal::{Selection, Snapshot};
-    use bristle_core::drive::{Drive, Mailbox};
-    use bristle_core::link::{self, Answer, Counters, Packet, Reaction, Report, encode};
+    use bristle_core::drive::{Drive, Mailbox, store};
+    use bristle_core::link::{self, Answer, Counters, Hello, Packet, Reaction, Report, encode};
     use bristle_core::scalar::Q16;
     use bristle_firmware::board::device::Interrupt;
-    use bristle_firmware::board::emulated::{self, Flash, Persistent};
+    use bristle_firmware::board::emulated::{self, Flash, PLACES, Persistent};
     use bristle_firmware::board::{self, BLOCK, Board, Serial};
     use bristle_firmware::fault;
     use bristle_firmware::inlet;
@@ -31,9 +31,6 @@ mod app {
     use bristle_firmware::log;
     use bristle_firmware::stack;
     use rtic::Mutex;
-
-    /// Periods from one comparison of the parameters to the next.
-    const VERIFY_EVERY: u32 = 64;
 
     /// What waits for `idle`.
     pub struct Waiting {
@@ -51,6 +48,8 @@ mod app {
         waiting: Waiting,
         line: Line,
         fast: bool,
+        /// Made once, as it takes the checksum of the whole image.
+        hello: Hello,
     }
 
     #[local]
@@ -72,7 +71,7 @@ mod app {
         log::start();
         log::started(true);
         let mut board = Board::start(cx.device, cx.local.persistent);
-        let (parameters, faults) = board::load(&mut board.flash, board.faults);
+        let (parameters, faults) = store::boot(&mut board.flash, PLACES, board.faults);
         let Some(drive) = Drive::new(parameters, faults, &mut []) else {
             // What is loaded is valid.
             fault::stop(fault::PANIC_STATUS)
@@ -88,6 +87,7 @@ mod app {
             },
             line: Line::new(),
             fast: board.fast,
+            hello: board::hello(),
         };
         let local = Local {
             port: board.port,
@@ -99,10 +99,10 @@ mod app {
     }
 
     /// Does what is left, and then waits for more.
-    #[idle(local = [flash], shared = [drive, mailbox, receiver, waiting, line, &fast])]
+    #[idle(local = [flash], shared = [drive, mailbox, receiver, waiting, line, &fast, &hello])]
     fn idle(mut cx: idle::Context) -> ! {
         let shared = &mut cx.shared;
-        send(&mut shared.line, &Report::Hello(board::hello()));
+        send(&mut shared.line, &Report::Hello(*shared.hello));
         wake(*shared.fast);
         loop {
             if *shared.fast {
@@ -166,12 +166,14 @@ mod app {
     #[inline(never)]
     fn work(shared: &mut idle::SharedResources, flash: &mut Flash) -> bool {
         let (drive, waiting, line) = (&mut shared.drive, &mut shared.waiting, &mut shared.line);
+        let hello = shared.hello;
         shared.receiver.lock(|receiver| {
             if waiting.lock(|waiting| core::mem::take(&mut waiting.verify)) {
                 drive.lock(Drive::verify);
                 return true;
             }
-            stream(waiting, line) || serve(drive, waiting, line, receiver.counters(), flash)
+            stream(waiting, line)
+                || serve(drive, waiting, line, (receiver.counters(), hello), flash)
         })
     }
 
@@ -184,12 +186,7 @@ mod app {
         let Some((number, selection, snapshot)) = due else {
             return false;
         };
-        let report = Report::Telemetry {
-            number,
-            period: snapshot.period,
-            words: snapshot.chosen(selection),
-        };
-        send(line, &report);
+        send(line, &link::telemetry(number, selection, &snapshot));
         true
     }
 
@@ -199,7 +196,7 @@ mod app {
         drive: &mut impl Mutex<T = Drive<'static, Q16>>,
         waiting: &mut impl Mutex<T = Waiting>,
         line: &mut impl Mutex<T = Line>,
-        lost: Counters,
+        (lost, hello): (Counters, &Hello),
         flash: &mut Flash,
     ) -> bool {
         let packet = waiting.lock(|waiting| waiting.packet.take());
@@ -212,14 +209,16 @@ mod app {
         };
         let answer = match drive.lock(|drive| link::serve(drive, counters, &command)) {
             Reaction::Greet => {
-                send(line, &Report::Hello(board::hello()));
+                send(line, &Report::Hello(*hello));
                 return true;
             }
             Reaction::Answer(answer) => answer,
             Reaction::Store => {
                 let parameters = drive.lock(|drive| *drive.parameters());
-                let answer = board::save(flash, &parameters);
-                log::stored(answer == Answer::Done);
+                let answer = link::store(flash, PLACES, &parameters);
+                if answer == Answer::Done {
+                    log::stored();
+                }
                 answer
             }
             Reaction::Inject(injection) => {
@@ -274,12 +273,7 @@ mod app {
         let Some(sample) = sample else { return };
         drive.lock(|drive| {
             let actuation = drive.step(&sample, &news);
-            let report = Report::Actuation {
-                period: drive.snapshot().period,
-                input: actuation.input,
-                bridge: actuation.bridge,
-                faults: drive.faults(),
-            };
+            let report = link::actuation(drive, &actuation);
             line.lock(|line| line.actuate(&report));
             cx.local.watch.look(drive);
             waiting.lock(|waiting| {
@@ -289,7 +283,7 @@ mod app {
                     let due = (*cx.local.number, selection, *drive.snapshot());
                     waiting.telemetry.get_or_insert(due);
                 }
-                waiting.verify |= drive.snapshot().period.is_multiple_of(VERIFY_EVERY);
+                waiting.verify |= drive.is_to_be_verified();
             });
         });
         wake(*cx.shared.fast);

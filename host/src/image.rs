@@ -12,7 +12,7 @@ pub struct Target {
     pub triple: &'static str,
     /// The program.
     pub program: &'static str,
-    /// The command of cargo that builds it alone.
+    /// The command of cargo that builds it, as `.cargo/config.toml` of the sources says.
     pub alias: &'static str,
     /// The chip's name.
     pub chip: &'static str,
@@ -23,9 +23,6 @@ pub struct Target {
     /// First and last address that the stack may begin at.
     pub stack: (u32, u32),
 }
-
-/// The package of all programs.
-const PACKAGE: &str = "bristle-firmware";
 
 /// The STM32F405, with a floating-point unit.
 pub const F405: Target = Target {
@@ -50,8 +47,8 @@ pub const F100: Target = Target {
     stack: (0x2000_0000, 0x2000_2000),
 };
 
-/// Builds the image with cargo, into `directory` or where cargo puts it, with or without a log.
-pub fn build(target: Target, directory: Option<&Path>, log: bool) -> Result<PathBuf> {
+/// Builds the image with cargo, into `directory` or where cargo puts it, with further arguments such as `--features log`.
+pub fn build(target: Target, directory: Option<&Path>, more: &[&str]) -> Result<PathBuf> {
     let workspace = Path::new(env!("CARGO_MANIFEST_DIR"))
         .parent()
         .filter(|workspace| workspace.join("firmware").is_dir())
@@ -63,10 +60,8 @@ pub fn build(target: Target, directory: Option<&Path>, log: bool) -> Result<Path
     let directory = directory.map_or_else(|| workspace.join("target"), Path::to_owned);
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let output = Command::new(cargo)
-        .args(["build", "--package", PACKAGE, "--bin", target.program])
-        .arg("--examples")
-        .args(if log { &["--features", "log"][..] } else { &[] })
-        .args(["--profile", "firmware", "--target", target.triple])
+        .arg(target.alias)
+        .args(more)
         .arg("--target-dir")
         .arg(&directory)
         .current_dir(workspace)

@@ -77,7 +77,7 @@ fn built(target: Target) -> Option<PathBuf> {
     }
     // A directory of its own: the outer cargo may hold the lock of the usual one.
     let directory = Path::new(env!("CARGO_TARGET_TMPDIR")).join("firmware");
-    Some(image::build(target, Some(&directory), false).expect("the firmware builds"))
+    Some(image::build(target, Some(&directory), &["--examples"]).expect("the firmware builds"))
 }
 
 /// The images, on a machine that can also run them.

@@ -374,7 +374,7 @@ fn in_fixed_point_the_axis_stays_within_its_envelope_of_the_reference() {
     assert!(found > 0.0 && found <= envelope, "{found} {envelope}");
 
     // And what the emulated board does is the fixed-point run, to the bit.
-    let Some(mut running) = super::running(Transport::Fast, board.parameters) else {
+    let Some(mut running) = super::running(Transport::Fast, &board.parameters) else {
         return;
     };
     let plan = plan(&units);

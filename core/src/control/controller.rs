@@ -93,6 +93,8 @@ struct State<T> {
     excess: T,
     /// What but dry friction acts from the last sample on, N·m or N.
     drive: T,
+    /// See [`Controller::amend`]: nothing but its sign counts.
+    pressed: T,
 }
 
 impl<T: Scalar> State<T> {
@@ -109,6 +111,7 @@ impl<T: Scalar> State<T> {
             },
             excess: T::ZERO,
             drive: T::ZERO,
+            pressed: T::ZERO,
         }
     }
 }
@@ -154,6 +157,16 @@ impl<T: Scalar> Controller<T> {
     /// Forgets everything: the axis is at rest where the encoder shows `counts`.
     pub fn reset(&mut self, counts: i32) {
         self.state = State::at_rest(counts, &self.parameters, &self.derived);
+    }
+
+    /// Corrects what is believed of the time since the last sample, where something between the command and the axis, as a
+    /// current loop, has its own dynamics and limits: `u` was larger by `off` in the mean, and `short` of the sign of what
+    /// could not be made. The integral of the velocity loop does not push any further that way in the coming sample.
+    #[inline]
+    pub fn amend(&mut self, off: T, short: T) {
+        let gain = self.parameters.gain;
+        self.state.drive += gain * off;
+        self.state.pressed = if gain < T::ZERO { -short } else { short };
     }
 
     /// One sample: the encoder shows `counts`; gives the command from now until the next sample.
@@ -368,7 +381,12 @@ impl<T: Scalar> Controller<T> {
         let error = wanted.command - self.state.observer.velocity;
         let torque = ahead + velocity.output(self.state.integral, error, T::ZERO);
         if !wanted.rest {
-            let excess = torque - torque.clamp_symmetric(*most);
+            let beyond = torque - torque.clamp_symmetric(*most);
+            let excess = if beyond == T::ZERO {
+                self.state.pressed
+            } else {
+                beyond
+            };
             let slow = wanted.command - moved * *per_count;
             let period = self.parameters.period;
             let integral = &mut self.state.integral;

@@ -7,7 +7,7 @@
 //! | [`Adaptation`] | the Coulomb level, learned while the axis moves |
 //! | [`Effects`], [`Backlash`] | gravity, cogging, asymmetries and whatever else a diagnosis found |
 //! | [`Pid`] | P, PI and PID with anti-windup |
-//! | [`CurrentLoop`] | current from voltage, below it |
+//! | [`CurrentLoop`] | voltage from current, below a controller whose `u` is a current |
 //! | [`Profile`] | set points of a move with limited velocity, acceleration and jerk |
 //! | [`Controller`] | all of these as one sample of an axis: encoder counts and a set point in, a command out |
 //!
@@ -20,9 +20,9 @@
 //!
 //! | friction | Coulomb level | `f32` | fixed point |
 //! | --- | --- | --- | --- |
-//! | static | by the observer | 462 | 1038 |
-//! | static | by rows | 476 | 1020 |
-//! | bristles | by the observer | 512 | 1290 |
+//! | static | by the observer | 468 | 1030 |
+//! | static | by rows | 482 | 1013 |
+//! | bristles | by the observer | 517 | 1273 |
 //!
 //! ```
 //! use bristle_core::control::{
@@ -72,7 +72,7 @@ pub use backlash::Backlash;
 pub use compensation::{Compensation, Driver, Method};
 pub use controller::{Controller, Output, SetPoint};
 pub use coulomb::{Adaptation, Learning};
-pub use current::CurrentLoop;
+pub use current::{CurrentLoop, Electrical};
 pub use effects::{Effects, Harmonic, WAVES};
 pub use friction::Friction;
 pub use observer::{Observer, ObserverGains};

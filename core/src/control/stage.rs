@@ -19,13 +19,15 @@ pub enum Stage {
     Limits,
     /// What the observer has to know of this period in the next.
     Memory,
+    /// Voltage from current, where a current loop is part of the parameters.
+    Current,
     /// Signals for recording and telemetry.
     Record,
 }
 
 impl Stage {
     /// All of them in their order.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Monitor,
         Self::Observer,
         Self::Estimator,
@@ -34,6 +36,7 @@ impl Stage {
         Self::Compensation,
         Self::Limits,
         Self::Memory,
+        Self::Current,
         Self::Record,
     ];
 }

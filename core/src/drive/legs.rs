@@ -2,15 +2,19 @@
 
 use crate::Scalar;
 
+/// The largest mean voltage between two legs of a bridge on a bus of `bus`: 15/16 of it.
+pub(super) fn most<T: Scalar>(bus: T) -> T {
+    bus - bus.half().half().half().half()
+}
+
 /// The compare values of two legs, between which a motor is to see the mean voltage `input` from a bus of `bus`.
 ///
 /// Both legs stand at half of the period plus and minus half of the ratio, so that the voltage changes twice a period and
 /// is exact whatever its sign. A share of 1/32 is kept from both ends, for the low sides must conduct long enough
 /// for the current to be measured and for the high sides' supplies to be charged.
 pub(super) fn compare<T: Scalar>(input: T, bus: T, top: u16) -> [u16; 2] {
-    let most = T::from_i32(15) / T::from_i32(16);
     let ratio = if bus > T::ZERO {
-        (input / bus).clamp_symmetric(most)
+        (input / bus).clamp_symmetric(most(T::ONE))
     } else {
         T::ZERO
     };

@@ -5,9 +5,12 @@
 //! host that is given the same samples computes the same bits.
 //!
 //! ```text
-//!   sample ─▶ units ─▶ monitor ─▶ run state ─▶ control law ─▶ limit ─▶ actuation
+//!   sample ─▶ units ─▶ monitor ─▶ run state ─▶ control law ─▶ limit ─▶ current loop ─▶ actuation
 //!                                                   └─▶ snapshot ─▶ recorder, telemetry
 //! ```
+//!
+//! The current loop runs where the parameters have one: the control law then asks for a current, by the torque constant that is
+//! its gain, and the loop makes a voltage of it. Both run once a period, as the current is converted once a period.
 //!
 //! # Run states
 //! | from | to | when |
@@ -27,6 +30,7 @@ pub mod recorder;
 mod sample;
 pub mod signal;
 pub mod store;
+mod winding;
 
 pub use fault::{Fault, Faults};
 pub use mailbox::Mailbox;
@@ -39,8 +43,12 @@ use monitor::Monitor;
 use recorder::Recorder;
 use serde::{Deserialize, Serialize};
 use signal::{Selection, Signal, Snapshot};
+use winding::Winding;
 
 use crate::control::{Controller, Output, Position, Probe, SetPoint, Stage};
+
+/// Periods from one comparison of the parameters to the next.
+const VERIFY_EVERY: u32 = 64;
 
 /// Where the drive stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -117,6 +125,7 @@ pub struct Drive<'a, T> {
     state: State,
     faults: Faults,
     set_point: SetPoint<T>,
+    winding: Winding<T>,
     input: T,
     snapshot: Snapshot,
     recorder: Recorder<'a, T>,
@@ -138,6 +147,7 @@ impl<'a, T: Number> Drive<'a, T> {
             state: State::Off,
             faults: Faults::NONE,
             set_point: SetPoint::Off,
+            winding: Winding::new(),
             input: T::ZERO,
             snapshot: Snapshot::default(),
             recorder: Recorder::new(ring),
@@ -169,9 +179,16 @@ impl<'a, T: Number> Drive<'a, T> {
             self.set_point = set_point;
         }
         probe.ended(Stage::Monitor);
+        self.amend(&reading);
+        probe.ended(Stage::Current);
         let output = self.law(probe);
         let bridge = self.state == State::Running;
-        self.input = if bridge { output.command } else { T::ZERO };
+        self.input = if bridge {
+            self.winding.input(&self.parameters, &reading, &output)
+        } else {
+            T::ZERO
+        };
+        probe.ended(Stage::Current);
         self.observe(&reading, &output);
         probe.ended(Stage::Record);
         Actuation {
@@ -207,6 +224,15 @@ impl<'a, T: Number> Drive<'a, T> {
             self.controller.reset(self.encoder.total());
         }
         output
+    }
+
+    /// Tells the control law what the current loop made of what it asked for.
+    #[inline]
+    fn amend(&mut self, reading: &Reading<T>) {
+        if self.parameters.current.is_some() && self.state == State::Running {
+            let (off, short) = self.winding.off(reading.current);
+            self.controller.amend(off, short);
+        }
     }
 
     /// Puts the period on record.
@@ -248,6 +274,12 @@ impl<'a, T: Number> Drive<'a, T> {
         self.latch(found);
     }
 
+    /// Whether it is time for [`Drive::verify`], after a period.
+    #[inline]
+    pub const fn is_to_be_verified(&self) -> bool {
+        self.snapshot.period.is_multiple_of(VERIFY_EVERY)
+    }
+
     /// Compares the parameters with those that the control law uses. Meant to be called now and then, as it takes as
     /// long as a control step.
     pub fn verify(&mut self) {
@@ -265,6 +297,7 @@ impl<'a, T: Number> Drive<'a, T> {
         }
         self.set_point = SetPoint::Off;
         self.input = T::ZERO;
+        self.winding = Winding::new();
         self.monitor = Monitor::new();
         self.controller.reset(self.encoder.total());
         self.state = State::Running;

@@ -51,12 +51,17 @@ pub struct Parameters<T> {
     pub limits: Limits<T>,
     /// The control law.
     pub control: control::Parameters<T>,
+    /// The current loop below it, if there is one: the `u` of the control law is then a current in A, and what the bridge
+    /// applies is the voltage of the loop.
+    pub current: Option<control::CurrentLoop<T>>,
 }
 
 impl<T: Number> Parameters<T> {
     /// Whether the set can be put in force.
     pub fn is_valid(&self) -> bool {
-        self.limits.is_valid() && self.control.is_valid()
+        self.limits.is_valid()
+            && self.control.is_valid()
+            && self.current.is_none_or(|current| current.is_valid())
     }
 
     /// The set of a board that was never set up: with limits so low that no motor turns, and no compensation.
@@ -119,6 +124,7 @@ impl<T: Number> Parameters<T> {
                 adaptation,
                 effects: control::Effects::NONE,
             },
+            current: None,
         }
     }
 }

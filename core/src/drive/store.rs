@@ -9,10 +9,10 @@ use core::ops::Range;
 use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use embedded_storage::nor_flash::NorFlash;
 
-use super::{Number, Parameters};
+use super::{Fault, Faults, Number, Parameters};
 
 /// Changes with the order or meaning of the parameters; a record of another version counts as none.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// The size of a record, more than any set of parameters needs, which a test of `link` holds.
 pub const BYTES: usize = 384;
@@ -71,6 +71,20 @@ pub fn load<T: Number>(flash: &mut impl NorFlash, places: Places) -> Stored<T> {
         Some(parameters) => Stored::Parameters(parameters),
         None if damaged => Stored::Corrupt,
         None => Stored::Nothing,
+    }
+}
+
+/// The parameters that a board begins with, which may be the harmless ones, and its faults with those found now.
+pub fn boot<T: Number>(
+    flash: &mut impl NorFlash,
+    places: Places,
+    mut faults: Faults,
+) -> (Parameters<T>, Faults) {
+    let stored = load(flash, places);
+    faults.raise_if(Fault::CorruptParameters, stored == Stored::Corrupt);
+    match stored {
+        Stored::Parameters(parameters) => (parameters, faults),
+        Stored::Nothing | Stored::Corrupt => (Parameters::harmless(), faults),
     }
 }
 

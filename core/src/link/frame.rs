@@ -20,6 +20,10 @@ const CHECKSUM: Crc<u16, NoTable> = Crc::<u16, NoTable>::new(&CRC_16_IBM_3740);
 /// The most bytes in a frame: COBS adds one byte for each 254 begun, and the delimiter one more.
 pub const FRAME_CAPACITY: usize = BODY_CAPACITY + BODY_CAPACITY.div_ceil(254) + 1;
 
+/// The most bytes in the frame of a [`Report::Actuation`](super::Report::Actuation): the discriminant, a period and an input of
+/// up to five bytes each, the bridge, faults of up to three, the checksum, what COBS adds, and the delimiter.
+pub const ACTUATION_CAPACITY: usize = 1 + 5 + 5 + 1 + 3 + CHECKSUM_BYTES + 2;
+
 /// The bytes of one frame. What [`encode`] returns ends with the delimiter; what [`Deframer`] returns omits it.
 pub type Frame = Vec<u8, FRAME_CAPACITY>;
 
@@ -131,12 +135,12 @@ impl Deframer {
 mod tests {
     use serde::de::DeserializeOwned;
 
-    use super::{CHECKSUM, Damage, Deframer, decode, encode, encode_short};
-    use crate::control::SetPoint;
+    use super::{ACTUATION_CAPACITY, CHECKSUM, Damage, Deframer, decode, encode, encode_short};
+    use crate::control::{CurrentLoop, SetPoint};
     use crate::drive::recorder::{Order, Trigger};
     use crate::drive::signal::{Selection, Signal};
     use crate::drive::store::BYTES;
-    use crate::drive::{Number, Parameters, Sample};
+    use crate::drive::{Fault, Faults, Number, Parameters, Sample};
     use crate::link::{Answer, CHUNK, Command, Packet, Report};
     use crate::scalar::Q16;
 
@@ -251,6 +255,12 @@ mod tests {
         for wave in effects.waves.iter_mut().chain([&mut effects.friction]) {
             (wave.cycle, wave.sine, wave.cosine) = (u32::MAX, number, number);
         }
+        set.current = Some(CurrentLoop {
+            proportional: number,
+            reset: number,
+            back_emf: number,
+            limit: number,
+        });
         set
     }
 
@@ -292,6 +302,30 @@ mod tests {
         ] {
             assert_eq!(short, Some(Damage::TooLong));
         }
+    }
+
+    fn longest_actuation<T: Number>(input: T) {
+        let mut faults = Faults::NONE;
+        Fault::ALL.into_iter().for_each(|fault| faults.raise(fault));
+        let report = Report::Actuation {
+            period: u32::MAX,
+            input,
+            bridge: true,
+            faults,
+        };
+        let long = encode(&report).unwrap();
+        assert_eq!(
+            encode_short::<_, ACTUATION_CAPACITY>(&report).unwrap(),
+            *long
+        );
+        // Faults take two bytes as yet, and a float four: more is not kept free.
+        assert!(long.len() + 2 >= ACTUATION_CAPACITY, "{}", long.len());
+    }
+
+    #[test]
+    fn the_longest_actuation_fits() {
+        longest_actuation(f32::from_bits(0x3F80_0101));
+        longest_actuation(Q16::MIN);
     }
 
     #[test]

@@ -12,7 +12,7 @@ use crate::drive::{Faults, Parameters, Refusal, Sample, State};
 ///
 /// Postcard numbers enum variants by position, so even reordering them is a new version. [`Report::Hello`] stays the
 /// first of its kind and begins with this number, so that any two versions can tell that they differ.
-pub const PROTOCOL_VERSION: u16 = 2;
+pub const PROTOCOL_VERSION: u16 = 3;
 
 /// The most recorded words in one frame: framing costs less than a tenth of the link.
 pub const CHUNK: usize = 48;

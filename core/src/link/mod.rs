@@ -28,10 +28,12 @@ mod message;
 mod receiver;
 mod server;
 
-pub use frame::{Damage, Deframer, FRAME_CAPACITY, Frame, decode, encode, encode_short};
+pub use frame::{
+    ACTUATION_CAPACITY, Damage, Deframer, FRAME_CAPACITY, Frame, decode, encode, encode_short,
+};
 pub use message::{
     Answer, Board, CHUNK, Command, Counters, Hello, Injection, Numbers, PROTOCOL_VERSION, Packet,
     Report,
 };
 pub use receiver::{Received, Receiver};
-pub use server::{Reaction, serve, suffer};
+pub use server::{Reaction, actuation, serve, store, suffer, telemetry};

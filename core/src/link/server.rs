@@ -1,7 +1,11 @@
 //! What the board does on a command, without the hardware: what ships is what the host tests.
 
-use super::{Answer, CHUNK, Command, Counters, Injection};
-use crate::drive::{Drive, Fault, Number, Refusal};
+use embedded_storage::nor_flash::NorFlash;
+
+use super::{Answer, CHUNK, Command, Counters, Injection, Report};
+use crate::drive::signal::{Selection, Snapshot};
+use crate::drive::store::{self, Places, WriteFailed};
+use crate::drive::{Actuation, Drive, Fault, Number, Parameters, Refusal};
 
 /// What is left to do for a command that needs more than the drive.
 #[derive(Clone, Debug, PartialEq)]
@@ -68,6 +72,37 @@ pub fn serve<T: Number>(
         }
     };
     Reaction::Answer(answer.unwrap_or_else(Answer::Refused))
+}
+
+/// Writes parameters into the flash, as [`Reaction::Store`] asks for; what became of it.
+pub fn store<T: Number>(
+    flash: &mut impl NorFlash,
+    places: Places,
+    parameters: &Parameters<T>,
+) -> Answer<T> {
+    match store::save(flash, places, parameters) {
+        Ok(()) => Answer::Done,
+        Err(WriteFailed) => Answer::Refused(Refusal::WriteFailed),
+    }
+}
+
+/// What an emulated board reports of a period.
+pub fn actuation<T: Number>(drive: &Drive<T>, actuation: &Actuation<T>) -> Report<T> {
+    Report::Actuation {
+        period: drive.snapshot().period,
+        input: actuation.input,
+        bridge: actuation.bridge,
+        faults: drive.faults(),
+    }
+}
+
+/// A frame of telemetry.
+pub fn telemetry<T>(number: u16, selection: Selection, snapshot: &Snapshot) -> Report<T> {
+    Report::Telemetry {
+        number,
+        period: snapshot.period,
+        words: snapshot.chosen(selection),
+    }
 }
 
 /// Brings about the part of a fault that happens in the drive. Only for a board whose hardware is not real.

@@ -5,7 +5,7 @@
 use core::hint::black_box;
 
 use bristle_core::control::{
-    Compensation, Driver, Friction, Harmonic, Learning, Method, Position, SetPoint,
+    Compensation, CurrentLoop, Driver, Friction, Harmonic, Learning, Method, Position, SetPoint,
 };
 use bristle_core::drive::recorder::{Order, Trigger};
 use bristle_core::drive::signal::{Selection, Signal};
@@ -46,6 +46,8 @@ const COUNT: f64 = 3.834_952e-4;
 const PERIOD: f64 = 1e-3;
 const INERTIA: f64 = 2e-3;
 const COULOMB: f64 = 0.2;
+/// A to a count of the converter.
+const CURRENT: f64 = 1.0 / 256.0;
 const TIME: f64 = POSITION / VELOCITY;
 
 fn number(value: f64, unit: f64) -> Real {
@@ -56,6 +58,8 @@ pub fn parameters() -> Parameters<Real> {
     let viscous = FORCE / VELOCITY;
     let mut set = Parameters::harmless();
     set.limits.bus_max = number(1e3, 1.0);
+    set.limits.bus_per_count = number(0.25, 1.0);
+    set.limits.current_per_count = number(CURRENT, 1.0);
     set.limits.current = number(1e3, 1.0);
     let control = &mut set.control;
     control.period = number(PERIOD, TIME);
@@ -93,6 +97,13 @@ pub fn parameters() -> Parameters<Real> {
         sine: number(0.1, FORCE),
         cosine: number(0.02, FORCE),
     };
+    // 1 Ω, whose current is there within a sample, and 1 N·m/A.
+    set.current = Some(CurrentLoop {
+        proportional: number(0.9, 1.0),
+        reset: Real::ONE,
+        back_emf: number(0.01, 1.0 / VELOCITY),
+        limit: number(20.0, 1.0),
+    });
     set
 }
 
@@ -175,10 +186,11 @@ pub fn drive(
     });
     drive.enable().ok()?;
     let mut axis = Axis::START;
+    let mut current = 0.0;
     for (k, slot) in counts.iter_mut().enumerate() {
         let sample = Sample {
             count: axis.counts() as u16,
-            current: 2048,
+            current: (2048.0 + current / CURRENT) as u16,
             bus: 100,
             gate_fault: false,
         };
@@ -190,7 +202,8 @@ pub fn drive(
         // Or the compiler would make of them inside the brackets what it could make before.
         let (sample, news) = black_box((sample, news));
         let (count, input) = step(&mut drive, &sample, &news);
-        *slot = count as u16;
+        *slot = u16::try_from(count).unwrap_or(u16::MAX);
+        current = input.to_f64();
         axis.advance(input);
         if !drive.faults().is_empty() {
             return None;

@@ -4,12 +4,11 @@
 
 use core::mem::MaybeUninit;
 
-use bristle_core::drive::store::{self, Places, Stored};
+use bristle_core::drive::store;
 use bristle_core::drive::{
     Actuation, Drive, Fault, Faults, Mailbox, News, Parameters, Refusal, Sample,
 };
-use bristle_core::link::{Answer, Board as Kind, Hello, Injection, Numbers, Report};
-use embedded_storage::nor_flash::NorFlash;
+use bristle_core::link::{self, Answer, Board as Kind, Hello, Injection, Numbers};
 
 use super::emulated::{self, Persistent};
 use super::{Serial, device, greeting, odrive_v3};
@@ -124,12 +123,7 @@ impl Hardware {
         match self {
             Self::Emulated(postbox) => {
                 // The host sends no sample before it has this, so there is room.
-                postbox.try_send(&Report::Actuation {
-                    period: drive.snapshot().period,
-                    input: actuation.input,
-                    bridge: actuation.bridge,
-                    faults: drive.faults(),
-                });
+                postbox.try_send(&link::actuation(drive, actuation));
             }
             Self::OdriveV3(power) => {
                 if power.clock_failed() {
@@ -152,33 +146,18 @@ pub enum Storage {
 
 impl Storage {
     /// The parameters to begin with, and the faults with those found now.
-    pub fn load(&mut self, mut faults: Faults) -> (Parameters<f32>, Faults) {
-        let stored = match self {
-            Self::Emulated(flash) => store::load(flash, emulated::PLACES),
-            Self::OdriveV3(flash) => store::load(flash, odrive_v3::PLACES),
-        };
-        faults.raise_if(Fault::CorruptParameters, stored == Stored::Corrupt);
-        match stored {
-            Stored::Parameters(parameters) => (parameters, faults),
-            Stored::Nothing | Stored::Corrupt => (Parameters::harmless(), faults),
+    pub fn load(&mut self, faults: Faults) -> (Parameters<f32>, Faults) {
+        match self {
+            Self::Emulated(flash) => store::boot(flash, emulated::PLACES, faults),
+            Self::OdriveV3(flash) => store::boot(flash, odrive_v3::PLACES, faults),
         }
     }
 
     /// Writes parameters and reads them back.
     pub fn save(&mut self, parameters: &Parameters<f32>) -> Answer<f32> {
-        fn answer(
-            flash: &mut impl NorFlash,
-            places: Places,
-            parameters: &Parameters<f32>,
-        ) -> Answer<f32> {
-            match store::save(flash, places, parameters) {
-                Ok(()) => Answer::Done,
-                Err(store::WriteFailed) => Answer::Refused(Refusal::WriteFailed),
-            }
-        }
         match self {
-            Self::Emulated(flash) => answer(flash, emulated::PLACES, parameters),
-            Self::OdriveV3(flash) => answer(flash, odrive_v3::PLACES, parameters),
+            Self::Emulated(flash) => link::store(flash, emulated::PLACES, parameters),
+            Self::OdriveV3(flash) => link::store(flash, odrive_v3::PLACES, parameters),
         }
     }
 

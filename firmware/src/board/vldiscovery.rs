@@ -5,12 +5,10 @@
 
 use core::mem::MaybeUninit;
 
-use bristle_core::drive::store::{self, Stored, WriteFailed};
-use bristle_core::drive::{Fault, Faults, Parameters, Refusal};
-use bristle_core::link::{Answer, Board as Kind, Hello, Numbers};
-use bristle_core::scalar::Q16;
+use bristle_core::drive::{Fault, Faults};
+use bristle_core::link::{Board as Kind, Hello, Numbers};
 
-use super::emulated::{self, Flash, PLACES, Persistent};
+use super::emulated::{self, Flash, Persistent};
 use super::{Serial, device, greeting};
 use crate::fault;
 
@@ -73,22 +71,4 @@ impl Board {
 /// The greeting of this board, which has no room for a recording.
 pub fn hello() -> Hello {
     greeting(Kind::Emulated, Numbers::Q16, 0)
-}
-
-/// The parameters to begin with, and the faults with those found now.
-pub fn load(flash: &mut Flash, mut faults: Faults) -> (Parameters<Q16>, Faults) {
-    let stored = store::load(flash, PLACES);
-    faults.raise_if(Fault::CorruptParameters, stored == Stored::Corrupt);
-    match stored {
-        Stored::Parameters(parameters) => (parameters, faults),
-        Stored::Nothing | Stored::Corrupt => (Parameters::harmless(), faults),
-    }
-}
-
-/// Writes parameters and reads them back.
-pub fn save(flash: &mut Flash, parameters: &Parameters<Q16>) -> Answer<Q16> {
-    match store::save(flash, PLACES, parameters) {
-        Ok(()) => Answer::Done,
-        Err(WriteFailed) => Answer::Refused(Refusal::WriteFailed),
-    }
 }

@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::diagnose::json;
 use super::emulate::chosen_image;
 use super::output::{self, Outputs};
-use super::tune::{refuse_unstable, standing};
+use super::tune::{Winding, refuse_unstable, standing};
 use super::{DONE, Outcome, terminal};
 use crate::deploy::{self, Difference, Rig};
 use crate::emulate::{Board, Launch, Setup, Transport};
@@ -73,6 +73,8 @@ pub(super) struct Command {
     /// Largest motor current, A; a real board needs it
     #[arg(long, value_name = "A", allow_negative_numbers = true)]
     current: Option<f64>,
+    #[command(flatten)]
+    winding: Winding,
     /// The controller alone, without compensation of friction and effects
     #[arg(long)]
     plain: bool,
@@ -179,9 +181,11 @@ impl Command {
             rate: self.rate.or(rig.rate()).unwrap_or(1000.0),
             counts: self.counts,
             limit: self.limit,
+            current: self.winding.wish(),
         };
         let gains = tune::parameters(model, &wish).map_err(|e| e.in_model(&self.model))?;
-        refuse_unstable(&tune::margins(&gains), &standing(&gains), &wish)?;
+        let following = tune::margins(&gains, wish.pace());
+        refuse_unstable(&following, &standing(&gains, &wish), &wish)?;
         let setup = Setup {
             wish,
             compensate: !self.plain,

@@ -14,6 +14,7 @@ use serde_json::json;
 
 use super::bench::Excite;
 use super::output::{self, Outputs};
+use super::tune::Winding;
 use super::{DONE, Outcome as Status, terminal};
 use crate::bench::{self, Record, csv};
 use crate::emulate::{
@@ -85,6 +86,8 @@ struct Options {
     /// Largest input that the board may apply, in the unit of u [default: twice the amplitude under --follow input]
     #[arg(long, value_name = "U", allow_negative_numbers = true)]
     limit: Option<f64>,
+    #[command(flatten)]
+    winding: Winding,
     /// Encoder counts per turn or per metre
     #[arg(
         long,
@@ -138,7 +141,7 @@ impl Chip {
 /// What a test signal is followed by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Follow {
-    /// u itself, with the controllers off
+    /// u itself, with the controllers off; under a current loop the current, A
     Input,
     /// Velocity, under control
     Velocity,
@@ -370,7 +373,9 @@ impl Options {
     fn input_limit(&self) -> Result<f64> {
         match (self.limit, self.follow) {
             (Some(limit), _) => Ok(limit),
-            (None, Follow::Input) => Ok(2.0 * self.amplitude.abs()),
+            (None, Follow::Input) if self.winding.wish().is_none() => {
+                Ok(2.0 * self.amplitude.abs())
+            }
             (None, _) => Err(Error::Usage(
                 "a controller needs --limit, the largest input that it may apply, in the unit of u"
                     .to_owned(),
@@ -390,6 +395,7 @@ impl Options {
                 rate: self.rate,
                 counts: self.counts,
                 limit: self.input_limit()?,
+                current: self.winding.wish(),
             },
             compensate: self.compensate,
         };
@@ -507,7 +513,8 @@ pub(super) fn chosen_image(image: Option<&Path>, target: Target, log: bool) -> R
     match image {
         // The emulator would run anything, and stop at it with words of its own.
         Some(image) => Ok(Image::read(image, &target)?.path),
-        None => image::build(target, None, log),
+        None if log => image::build(target, None, &["--features", "log"]),
+        None => image::build(target, None, &[]),
     }
 }
 

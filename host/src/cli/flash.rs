@@ -51,7 +51,7 @@ impl Command {
             Some(path) => path.clone(),
             None => {
                 anstream::println!("Building the firmware for {} …", board.target.triple);
-                image::build(board.target, None, false)?
+                image::build(board.target, None, &[])?
             }
         };
         let image = Image::read(&path, &board.target)?;

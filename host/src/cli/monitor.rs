@@ -239,6 +239,7 @@ impl Emulated {
                 rate: self.rate,
                 counts: self.counts,
                 limit: self.limit.unwrap_or_default(),
+                current: None,
             },
             compensate: self.compensate,
         };

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use bristle_core::control::{Compensation, Parameters};
+use bristle_core::control::{Compensation, CurrentLoop, Parameters};
 use clap::Args;
 use serde::Serialize;
 
@@ -13,7 +13,7 @@ use crate::effects::Quantity;
 use crate::error::{Error, Result};
 use crate::format::{shortest, significant};
 use crate::model::Model;
-use crate::tune::{self, Margins, Wish};
+use crate::tune::{self, Inner, Margins, Wish};
 
 /// Compute the gains of a controller from a model and a bandwidth
 ///
@@ -47,9 +47,39 @@ pub(super) struct Command {
     /// Largest |u|, in the unit of u
     #[arg(long, value_name = "U", allow_negative_numbers = true)]
     limit: f64,
+    #[command(flatten)]
+    winding: Winding,
     /// Where to write the parameters and the margins
     #[arg(long, value_name = "OUT.json")]
     json: Option<PathBuf>,
+}
+
+/// Options of a current loop.
+#[derive(Args, Clone, Copy, Debug)]
+pub(super) struct Winding {
+    /// Put a current loop of this bandwidth between controller and u, Hz; for a motor (kind = "dc-motor" or "geared-servo")
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
+    current_bandwidth: Option<f64>,
+    /// Largest current that it may ask for, A [default: what --limit drives at standstill]
+    #[arg(
+        long,
+        value_name = "A",
+        requires = "current_bandwidth",
+        allow_negative_numbers = true
+    )]
+    current_limit: Option<f64>,
+}
+
+impl Winding {
+    pub const fn wish(self) -> Option<Inner> {
+        match self.current_bandwidth {
+            Some(bandwidth) => Some(Inner {
+                bandwidth,
+                limit: self.current_limit,
+            }),
+            None => None,
+        }
+    }
 }
 
 /// What `--json` holds.
@@ -58,6 +88,8 @@ struct Tuned<'a> {
     schema: &'static str,
     wish: [f64; 4],
     parameters: &'a Parameters<f64>,
+    /// The current loop, if one is wished for.
+    current: Option<CurrentLoop<f64>>,
     following: Margins,
     standing: Margins,
     not_compensated: Vec<&'static str>,
@@ -72,14 +104,18 @@ impl Command {
             rate: self.rate,
             counts: self.counts,
             limit: self.limit,
+            current: self.winding.wish(),
         };
         let parameters = tune::parameters(&model, &wish).map_err(|e| e.in_model(&self.model))?;
-        let (following, standing) = (tune::margins(&parameters), standing(&parameters));
+        let current = tune::current(&model, &wish).map_err(|e| e.in_model(&self.model))?;
+        let following = tune::margins(&parameters, wish.pace());
+        let standing = standing(&parameters, &wish);
         refuse_unstable(&following, &standing, &wish)?;
         let tuned = Tuned {
             schema: "bristle.tuning/1",
             wish: [wish.bandwidth, wish.rate, wish.counts, wish.limit],
             parameters: &parameters,
+            current,
             following,
             standing,
             not_compensated: tune::left_alone(&model),
@@ -94,18 +130,19 @@ impl Command {
 }
 
 /// The margins where the correction of friction adds its slope to the position loop.
-pub(super) fn standing(parameters: &Parameters<f64>) -> Margins {
+pub(super) fn standing(parameters: &Parameters<f64>, wish: &Wish) -> Margins {
     let Compensation { slope, driver, .. } = parameters.compensation;
     let share = match driver {
         bristle_core::control::Driver::Command => slope / parameters.velocity_gain,
         _ => 0.0,
     };
     // As the slope acts on kp·(q_ref − q) alone, it is kp that grows; the integral sees the old one.
-    tune::margins(&Parameters {
+    let grown = Parameters {
         position_gain: parameters.position_gain * (1.0 + share),
         velocity_integral: parameters.velocity_integral / (1.0 + share),
         ..*parameters
-    })
+    };
+    tune::margins(&grown, wish.pace())
 }
 
 /// Below these, what a model leaves out makes a loop ring or worse (a phase margin of 30° peaks at twice the gain).
@@ -162,6 +199,19 @@ fn print(model: &Model, tuned: &Tuned) {
         ("torque limit", p.torque_limit, torque),
     ] {
         anstream::println!("  {name:<20} {:>10} {unit}", significant(value, 4));
+    }
+    if let Some(current) = &tuned.current {
+        for (name, value, unit) in [
+            ("current gain", current.proportional, "V/A"),
+            (
+                "current integral",
+                current.reset * current.proportional / p.period,
+                "V/(A*s)",
+            ),
+            ("current limit", p.command_limit, "A"),
+        ] {
+            anstream::println!("  {name:<20} {:>10} {unit}", significant(value, 4));
+        }
     }
     anstream::println!("Margins:                  crossover    phase     gain    delay");
     for (name, m) in [

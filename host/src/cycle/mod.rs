@@ -46,6 +46,7 @@ const WISH: Wish = Wish {
     rate: RATE,
     counts: COUNTS,
     limit: 1.5,
+    current: None,
 };
 const RECORDED: f64 = 24.0;
 const TASK: f64 = 12.0;

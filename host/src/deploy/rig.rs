@@ -110,6 +110,7 @@ pub fn parameters(model: &Model, setup: &Setup, rig: &Rig) -> Result<Parameters<
             )));
         }
         found.limits.current = current as f32;
+        emulate::check_current(&found)?;
     }
     check_speed(model, wish, &sensors, found.limits.jump)?;
     if !found.is_valid() {
@@ -157,6 +158,7 @@ mod tests {
             rate: 8000.0,
             counts: 8192.0,
             limit: 12.0,
+            current: None,
         },
         compensate: true,
     };

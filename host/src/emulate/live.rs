@@ -295,6 +295,7 @@ mod tests {
             rate: 1000.0,
             counts: 16384.0,
             limit: 1.5,
+            current: None,
         };
         let setup = Setup {
             wish,

@@ -29,5 +29,5 @@ pub use log::decode;
 pub use machine::{Launch, Machine, QEMU, Transport};
 pub use run::{Driver, OnHost, Outcome, Period, Plan, position, run, velocity};
 pub use sensors::Sensors;
-pub use setup::{Setup, Tuned, parameters, tuned};
+pub use setup::{Setup, Tuned, check_current, parameters, tuned};
 pub use twin::Twin;

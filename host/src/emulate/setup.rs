@@ -6,6 +6,7 @@ use bristle_core::friction::{OutOfRange, Units};
 
 use super::Sensors;
 use crate::error::{Error, Result};
+use crate::format::shortest;
 use crate::model::Model;
 use crate::tune::{self, Wish};
 
@@ -31,6 +32,7 @@ pub struct Tuned<T> {
 /// controller knows, or a number does not fit the format.
 pub fn tuned<T: Number>(model: &Model, setup: &Setup, sensors: &Sensors) -> Result<Tuned<T>> {
     let mut control = tune::parameters(model, &setup.wish)?;
+    let current = tune::current(model, &setup.wish)?;
     if !setup.compensate {
         control.compensation.method = Method::Off;
         control.adaptation.method = Learning::Off;
@@ -38,7 +40,7 @@ pub fn tuned<T: Number>(model: &Model, setup: &Setup, sensors: &Sensors) -> Resu
     }
     let limits: Limits<T> = sensors.limits(setup.wish.rate);
     let units = if T::FIXED {
-        tune::units(&control, limits.jump)
+        tune::units(&control, current.as_ref(), limits.jump)
     } else {
         tune::SI
     };
@@ -47,13 +49,39 @@ pub fn tuned<T: Number>(model: &Model, setup: &Setup, sensors: &Sensors) -> Resu
     let parameters = Parameters {
         limits,
         control: control.scaled(&units).map_err(out_of_range)?,
+        current: current
+            .map(|current| current.scaled(&units))
+            .transpose()
+            .map_err(out_of_range)?,
     };
     if let Err(invalid) = parameters.control.check() {
         return Err(Error::Usage(format!(
             "the controller does not fit the board's numbers: {invalid}"
         )));
     }
+    check_current(&parameters)?;
     Ok(Tuned { parameters, units })
+}
+
+/// Refuses a current loop that the board's numbers cannot hold, or that may ask for a current at which the bridge goes off.
+pub fn check_current<T: Number>(parameters: &Parameters<T>) -> Result<()> {
+    let Some(current) = &parameters.current else {
+        return Ok(());
+    };
+    if !current.is_valid() {
+        return Err(Error::Usage(
+            "the gains of the current loop do not fit the board's numbers; ask for another --current-bandwidth".to_owned(),
+        ));
+    }
+    let (asked, most) = (parameters.control.command_limit, parameters.limits.current);
+    if asked < most {
+        return Ok(());
+    }
+    Err(Error::Usage(format!(
+        "the current loop may ask for {} A, and at {} A the board turns its bridge off; give a lower --current-limit",
+        shortest(asked.to_f64(), 4),
+        shortest(most.to_f64(), 4)
+    )))
 }
 
 /// The same in floating point, whose units are SI.

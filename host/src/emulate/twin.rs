@@ -12,9 +12,6 @@ use bristle_core::link::{
 use crate::error::{Error, Result};
 use crate::link::{BLOCK, Wire};
 
-/// Periods from one comparison of the parameters to the next, as in the firmware.
-const VERIFY_EVERY: u32 = 64;
-
 /// A board that was never set up, without flash and without a recording ring. It answers at once.
 pub struct Twin {
     drive: Drive<'static, f32>,
@@ -56,24 +53,13 @@ impl Twin {
     /// A control period.
     fn period(&mut self, sample: Sample) -> Result<()> {
         let actuation = self.drive.step(&sample, &self.mailbox.take_news());
-        let period = self.drive.snapshot().period;
-        self.send(&Report::Actuation {
-            period,
-            input: actuation.input,
-            bridge: actuation.bridge,
-            faults: self.drive.faults(),
-        })?;
+        self.send(&link::actuation(&self.drive, &actuation))?;
         if let Some(selection) = self.drive.due() {
             self.number = self.number.wrapping_add(1);
-            let words = self.drive.snapshot().chosen(selection);
-            let number = self.number;
-            self.send(&Report::Telemetry {
-                number,
-                period,
-                words,
-            })?;
+            let report = link::telemetry(self.number, selection, self.drive.snapshot());
+            self.send(&report)?;
         }
-        if period.is_multiple_of(VERIFY_EVERY) {
+        if self.drive.is_to_be_verified() {
             self.drive.verify();
         }
         Ok(())

@@ -25,8 +25,10 @@ pub struct About {
     pub rate: f64,
     /// Control periods from one telemetry frame to the next.
     pub every: u16,
-    /// Largest `|u|`.
+    /// Largest `|u|` that the board may be told, which under a current loop is a current.
     pub command_limit: f64,
+    /// Its unit.
+    pub command_unit: &'static str,
     /// Largest torque or force.
     pub torque_limit: f64,
     /// Unit of torque or force.
@@ -122,6 +124,10 @@ impl About {
             rate: 1.0 / period,
             every,
             command_limit: control.command_limit.into(),
+            command_unit: match parameters.current {
+                Some(_) => "A",
+                None => units.input,
+            },
             torque_limit: control.torque_limit.into(),
             torque_unit: units.torque,
             speed: moves.speed,

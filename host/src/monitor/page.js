@@ -261,7 +261,8 @@ function choose(next) {
   $("slider").value = 0;
   $("value").value = "0";
   const signal = about?.signals.find(({ id }) => id === mode);
-  $("unit").textContent = mode === "torque" ? about?.torque_unit : signal?.unit ?? "";
+  const own = { input: about?.command_unit, torque: about?.torque_unit }[mode];
+  $("unit").textContent = own ?? signal?.unit ?? "";
   $("ask").hidden = mode === "off";
 }
 

@@ -208,6 +208,7 @@ mod tests {
             rate: 1000.0,
             counts: 4096.0,
             limit: 0.5,
+            current: None,
         };
         let tuned = parameters(&model, &wish).unwrap();
         let mut servo = Servo::new(&model, &tuned, 0.0, 1).unwrap();

@@ -26,6 +26,7 @@ const WISH: Wish = Wish {
     rate: 1000.0,
     counts: 4096.0,
     limit: 24.0,
+    current: None,
 };
 const RATED: f64 = 0.1;
 const SHARE: f64 = 0.3;

@@ -27,6 +27,7 @@ const WISH: Wish = Wish {
     rate: 1000.0,
     counts: 1e5,
     limit: 20.0,
+    current: None,
 };
 const SHARE: f64 = 0.3;
 const DISTURBANCE: f64 = 0.05;

@@ -23,6 +23,7 @@ pub fn replay(campaign: &Campaign, board: &mut Board<f32>) -> Result<Vec<Replaye
             board.tell(Command::Set(Parameters {
                 limits: sensors.limits(1.0 / parameters.period),
                 control: single(parameters)?,
+                current: None,
             }))?;
             board.tell(Command::Enable)?;
             all.push(run(shown, &sensors, board)?);

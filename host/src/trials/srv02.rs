@@ -29,6 +29,7 @@ const WISH: Wish = Wish {
     rate: 1000.0,
     counts: 4096.0,
     limit: 6.0,
+    current: None,
 };
 /// Torque of 1 A at the shaft, N·m.
 const RATED: f64 = 0.90 * 0.69 * 70.0 * 7.68e-3;

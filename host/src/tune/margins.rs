@@ -12,7 +12,8 @@ use serde::Serialize;
 pub struct Margins {
     /// Highest frequency at which the loop gain is 1, Hz.
     pub crossover: f64,
-    /// What the phase lacks to −180° there, degrees; the least one if there are several crossovers.
+    /// What the phase lacks to −180° there, degrees; the least one if there are several crossovers, and negative if the loop is
+    /// unstable.
     pub phase: f64,
     /// Factor by which the gain may rise before the loop is unstable; none if no rise makes it so.
     pub gain: Option<f64>,
@@ -24,9 +25,10 @@ pub struct Margins {
 const FREQUENCIES: u32 = 4000;
 
 /// The margins of a controller on the axis that it knows, without dry friction, which only helps: the sampled loop of
-/// [`bristle_core::control::Controller`], its observer, and the axis under a held command.
-pub fn margins(parameters: &Parameters<f64>) -> Margins {
-    let looped = Loop::new(parameters);
+/// [`bristle_core::control::Controller`], its observer, and the axis under a held command. With a current loop in between,
+/// `pace` is the share of its error that it takes away in a sample.
+pub fn margins(parameters: &Parameters<f64>, pace: Option<f64>) -> Margins {
+    let looped = Loop::new(parameters, pace);
     let nyquist = PI / parameters.period;
     let lowest = 1e-3 * parameters.position_gain.min(nyquist);
     let ratio = (nyquist / lowest).powf(1.0 / f64::from(FREQUENCIES));
@@ -58,10 +60,12 @@ pub fn margins(parameters: &Parameters<f64>) -> Margins {
     for pair in points.windows(2) {
         let [(omega, gain, phase), (_, next_gain, next_phase)] = [pair[0], pair[1]];
         if (gain - 1.0) * (next_gain - 1.0) <= 0.0 {
-            let margin = (phase + PI).rem_euclid(2.0 * PI);
+            // Between −180° and 180°: what is beyond is a loop that is unstable already.
+            let ahead = (phase + PI).rem_euclid(2.0 * PI);
+            let margin = if ahead > PI { ahead - 2.0 * PI } else { ahead };
             found.crossover = found.crossover.max(omega / (2.0 * PI));
             found.phase = found.phase.min(margin.to_degrees());
-            found.delay = found.delay.min(margin / omega);
+            found.delay = found.delay.min(margin.max(0.0) / omega);
         }
         let odd = |phase: f64| ((phase + PI) / (2.0 * PI)).floor();
         if odd(phase) != odd(next_phase) && gain < 1.0 {
@@ -77,16 +81,21 @@ pub fn margins(parameters: &Parameters<f64>) -> Margins {
 /// The controller is linear in position and command: with the surprise `e = q − q̄` its estimates are
 /// `v̄ = a·v̂ + b·τ`, `q̄ = q̂ + h·(v̂ + v̄)/2`, `q̂′ = q̄ + l₁·e`, `v̂′ = v̄ + l₂·e/h`, and
 /// `τ = −(kv·(kp·q̂ + v̂) + s)`, where the integral part `s` takes in `ki·h·(kp·q̂ + Δq̂/h)`.
+///
+/// Under a current loop the current obeys `i′ = i + p·(i_ref − i)`, and what acts over a sample, which the observer is told
+/// afterwards, is the mean of its ends: `M = (1 + z)/2·p/(z − 1 + p)` times the command, both on the axis and in the observer.
 struct Loop {
     parameters: Parameters<f64>,
+    pace: Option<f64>,
     observer: [f64; 2],
 }
 
 impl Loop {
-    fn new(parameters: &Parameters<f64>) -> Self {
+    fn new(parameters: &Parameters<f64>, pace: Option<f64>) -> Self {
         let (gone, _) = (parameters.observer_bandwidth * parameters.period).relax();
         Self {
             parameters: *parameters,
+            pace,
             observer: [2.0 * gone - gone * gone, gone * gone],
         }
     }
@@ -136,7 +145,10 @@ impl Loop {
         let by_position = solve(one * l1, one * (l2 / h));
         let by_torque = solve(one * from_torque[0] / z, one * from_torque[1] / z);
         // τ = by_position·q + by_torque·τ, and the loop is cut at τ.
-        -(by_position / (one - by_torque)) * self.axis(z)
+        let made = self
+            .pace
+            .map_or(one, |pace| 0.5 * pace * (one + z) / (z - 1.0 + pace));
+        -(by_position * made / (one - by_torque * made)) * self.axis(z)
     }
 
     /// Position over held torque: `1/(J·s² + Fv·s)` sampled, with the back-EMF compensated by the controller.
@@ -172,6 +184,7 @@ mod tests {
             // So fine that counts do not show.
             counts: 1e7,
             limit: 1e3,
+            current: None,
         };
         let mut found = parameters(&Model::parse(text).unwrap(), &wish).unwrap();
         found.compensation.method = Method::Off;
@@ -180,10 +193,11 @@ mod tests {
     }
 
     /// Largest swing in the last quarter of a second after a small push, under the controller itself with its command
-    /// multiplied by `gain` and late by `late` samples.
-    fn swing(parameters: &Parameters<f64>, gain: f64, late: usize) -> f64 {
+    /// multiplied by `gain` and late by `late` samples, made by a current loop of such a pace.
+    fn swing(parameters: &Parameters<f64>, pace: f64, gain: f64, late: usize) -> f64 {
         let mut controller = Controller::new(*parameters, 0).unwrap();
         let (mut q, mut v, mut most) = (0.01, 0.0, 0.0_f64);
+        let mut made = [0.0; 2];
         let mut commands = vec![0.0; late + 1];
         for k in 0..2000 {
             let counts = (q / parameters.count).floor() as i32;
@@ -194,7 +208,17 @@ mod tests {
                 acceleration: 0.0,
             };
             commands.push(controller.step(counts, set_point).command);
-            let torque = gain * commands[commands.len() - 1 - late];
+            // The current all at once, or in the course of the sample; what is believed knows nothing of being late.
+            let mut mean = |which: usize, asked: f64| {
+                let before = made[which];
+                made[which] += pace * (asked - before);
+                let course = 0.5 * (before + made[which]);
+                if pace == 1.0 { asked } else { course }
+            };
+            let asked = commands[commands.len() - 1];
+            let believed = mean(0, asked);
+            let torque = gain * mean(1, commands[commands.len() - 1 - late]);
+            controller.amend(believed - asked, 0.0);
             for _ in 0..10 {
                 let dt = 0.1 * parameters.period;
                 let next = v + (torque - 0.004 * v) * dt / parameters.inertia;
@@ -213,21 +237,26 @@ mod tests {
 
     #[test]
     fn the_controller_itself_is_stable_just_inside_its_margins_and_not_beyond() {
-        for bandwidth in [5.0, 12.0] {
+        for (bandwidth, pace) in [(5.0, 1.0), (12.0, 1.0), (5.0, 0.25), (12.0, 0.25)] {
             let tuned = tuned(bandwidth);
-            let found = margins(&tuned);
+            let found = margins(&tuned, (pace < 1.0).then_some(pace));
             let most = found.gain.unwrap();
-            assert!(swing(&tuned, 0.9 * most, 0) < 0.01, "{found:?}");
-            assert!(swing(&tuned, 1.1 * most, 0) > 0.05, "{found:?}");
+            let swing = |gain, late| swing(&tuned, pace, gain, late);
+            assert!(swing(0.9 * most, 0) < 0.01, "{found:?}");
+            assert!(swing(1.1 * most, 0) > 0.05, "{found:?}");
             let samples = found.delay / tuned.period;
-            assert!(
-                swing(&tuned, 1.0, (0.8 * samples) as usize) < 0.01,
-                "{found:?}"
-            );
-            assert!(
-                swing(&tuned, 1.0, (1.2 * samples).ceil() as usize) > 0.05,
-                "{found:?}"
-            );
+            assert!(swing(1.0, (0.8 * samples) as usize) < 0.01, "{found:?}");
+            let beyond = (1.2 * samples).ceil() as usize;
+            assert!(swing(1.0, beyond) > 0.05, "{found:?}");
         }
+    }
+
+    #[test]
+    fn a_current_loop_that_is_too_slow_leaves_no_margin() {
+        let tuned = tuned(12.0);
+        let slow = margins(&tuned, Some(0.02));
+        assert!(slow.phase < 0.0 && slow.delay == 0.0, "{slow:?}");
+        assert!(swing(&tuned, 0.02, 1.0, 0) > 0.05);
+        assert!(margins(&tuned, None).phase > 45.0);
     }
 }

@@ -1,9 +1,11 @@
 //! From a model and a bandwidth to the parameters of a controller.
 
+mod current;
 mod effects;
 mod margins;
 mod scale;
 
+pub use current::{Inner, Winding, current};
 pub use effects::left_alone;
 pub use margins::{Margins, margins};
 pub use scale::{SI, units};
@@ -29,6 +31,8 @@ pub struct Wish {
     pub counts: f64,
     /// Largest `|u|`.
     pub limit: f64,
+    /// A current loop between the controller and `u`, if one is wanted.
+    pub current: Option<Inner>,
 }
 
 /// An axis as a controller sees it: `J·q̈ = gain·(u − back_emf·q̇) − …`.
@@ -85,8 +89,7 @@ impl Drive {
                     _ => 0.0,
                 },
             },
-            Kind::DcMotor => Self::motor(&DcMotor::new(model)?),
-            Kind::GearedServo => Self::motor(&geared_servo(model)?),
+            Kind::DcMotor | Kind::GearedServo => Self::motor(&motor(model)?),
             Kind::WheelSlip => {
                 return Err(Error::Usage(
                     "plant.kind = \"wheel-slip\" has no position to control; tune an axis, a motor or a mass-spring"
@@ -114,7 +117,21 @@ impl Drive {
     }
 }
 
+/// The motor of a model that has one.
+fn motor(model: &Model) -> Result<DcMotor> {
+    match model.kind {
+        Kind::GearedServo => geared_servo(model),
+        _ => DcMotor::new(model),
+    }
+}
+
 impl Wish {
+    /// The share of its error that a current loop takes away in a sample, if there is one.
+    pub fn pace(&self) -> Option<f64> {
+        let inner = self.current.as_ref()?;
+        Some(std::f64::consts::TAU * inner.bandwidth / self.rate)
+    }
+
     /// Refuses what makes no sense by itself.
     fn check(&self) -> Result<()> {
         error::positive(&[
@@ -122,6 +139,8 @@ impl Wish {
             ("--rate", Some(self.rate)),
             ("--counts", Some(self.counts)),
             ("--limit", Some(self.limit)),
+            ("--current-bandwidth", self.current.map(|c| c.bandwidth)),
+            ("--current-limit", self.current.and_then(|c| c.limit)),
         ])
     }
 }
@@ -133,16 +152,25 @@ impl Wish {
 /// compensated with the law of the model, by its bristles if it has them, driven by the set point, and with the steepest
 /// correction towards it that [`Compensation`] calls safe. The Coulomb level is learned at a sixteenth of the
 /// observer's bandwidth at most, where the three are well damped.
+///
+/// With a current loop below it, the controller's `u` is the current in A, its gain the torque constant, and its limit that
+/// of the current: [`current`] gives the loop itself.
 pub fn parameters(model: &Model, wish: &Wish) -> Result<Parameters<f64>> {
     wish.check()?;
-    let drive = Drive::of(model)?;
+    let mut drive = Drive::of(model)?;
+    let mut limit = wish.limit;
+    if let Some(inner) = &wish.current {
+        let winding = Winding::of(model)?;
+        (drive.gain, drive.back_emf) = (winding.torque_constant, 0.0);
+        limit = inner.limit.unwrap_or(wish.limit / winding.resistance);
+    }
     let pole = std::f64::consts::TAU * wish.bandwidth / DOUBLE_POLE;
     let period = 1.0 / wish.rate;
     let count = model.motion.turn() / wish.counts;
     let velocity_gain = 2.0 * drive.inertia * pole;
     let observer_bandwidth = OBSERVER * pole;
     let friction = friction(model);
-    let torque_limit = (drive.gain * wish.limit).abs();
+    let torque_limit = (drive.gain * limit).abs();
     let bristles = model.bristle_term().is_some();
     let found = Parameters {
         period,
@@ -150,7 +178,7 @@ pub fn parameters(model: &Model, wish: &Wish) -> Result<Parameters<f64>> {
         inertia: drive.inertia,
         gain: drive.gain,
         back_emf: drive.back_emf,
-        command_limit: wish.limit,
+        command_limit: limit,
         torque_limit,
         observer_bandwidth,
         position_gain: 0.5 * pole,
@@ -237,6 +265,7 @@ mod tests {
         rate: 1000.0,
         counts: 4096.0,
         limit: 6.0,
+        current: None,
     };
 
     fn model(effects: &str) -> Model {
@@ -347,8 +376,12 @@ mod tests {
 
     #[test]
     fn more_bandwidth_costs_margin() {
-        let at =
-            |bandwidth: f64| margins(&parameters(&model(""), &Wish { bandwidth, ..WISH }).unwrap());
+        let at = |bandwidth: f64| {
+            margins(
+                &parameters(&model(""), &Wish { bandwidth, ..WISH }).unwrap(),
+                None,
+            )
+        };
         let (slow, fast) = (at(2.0), at(30.0));
         assert!(slow.phase > fast.phase && slow.delay > fast.delay);
         assert!(slow.phase > 45.0 && slow.gain.unwrap() > 2.0, "{slow:?}");

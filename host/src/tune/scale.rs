@@ -1,6 +1,6 @@
 //! Units for a board that computes in fixed point.
 
-use bristle_core::control::Parameters;
+use bristle_core::control::{CurrentLoop, Parameters};
 use bristle_core::friction::Units;
 
 /// What a board in floating point counts in.
@@ -33,7 +33,7 @@ fn inverse((value, powers): Quantity) -> Quantity {
 }
 
 /// What the control path multiplies with: parameters, and what follows from them.
-fn factors(p: &Parameters<f64>) -> Vec<Quantity> {
+fn factors(p: &Parameters<f64>, current: Option<&CurrentLoop<f64>>) -> Vec<Quantity> {
     let (friction, adaptation) = (&p.friction, &p.adaptation);
     let compensation = &p.compensation;
     let gone = 1.0 - (-p.observer_bandwidth * p.period).exp();
@@ -80,6 +80,13 @@ fn factors(p: &Parameters<f64>) -> Vec<Quantity> {
         (effects.backlash.inertia, [1, 1, -2]),
         (effects.backlash.speed, VELOCITIES),
     ]);
+    if let Some(current) = current {
+        all.extend([
+            (current.proportional, [0; 3]),
+            (current.reset, [0; 3]),
+            (current.back_emf, [0, 0, -1]),
+        ]);
+    }
     all.retain(|(value, _)| *value != 0.0);
     all
 }
@@ -99,9 +106,12 @@ fn variables(p: &Parameters<f64>, jump: u16) -> [Quantity; 2] {
 /// are powers of two, so that what is 1 in them is exact, these make the sum of squares of those relative errors
 /// smallest, among those in which no factor is beyond half of the range, nor velocity or acceleration at their largest.
 /// If there are none, those that exceed it least.
-pub fn units(parameters: &Parameters<f64>, jump: u16) -> Units {
+pub fn units(parameters: &Parameters<f64>, current: Option<&CurrentLoop<f64>>, jump: u16) -> Units {
     let logarithm = |(value, powers): Quantity| (value.abs().log2(), powers.map(f64::from));
-    let factors: Vec<_> = factors(parameters).into_iter().map(logarithm).collect();
+    let factors: Vec<_> = factors(parameters, current)
+        .into_iter()
+        .map(logarithm)
+        .collect();
     let variables = variables(parameters, jump).map(logarithm);
     let cost = |exponents: [f64; 3]| {
         let scaled = |(log, powers): &(f64, [f64; 3])| {
@@ -139,9 +149,52 @@ pub fn units(parameters: &Parameters<f64>, jump: u16) -> Units {
 mod tests {
     use bristle_core::scalar::Q16;
 
-    use super::units;
+    use super::{Units, factors, units};
     use crate::model::Model;
-    use crate::tune::{Wish, parameters};
+    use crate::tune::{Inner, Wish, current, parameters};
+
+    /// Parameters in other units are parameters: what is computed of them must be what is computed in SI units, in its unit.
+    #[test]
+    fn the_powers_of_factors_agree_with_scaled_parameters() {
+        let text = "[plant]\nkind = \"dc-motor\"\nmotion = \"rotary\"\ninput = \"voltage\"\ninertia = 2e-3\nresistance = 2.6\n\
+            inductance = 1e-3\ntorque_constant = 0.05\n[friction]\nmodel = \"lugre\"\ncoulomb = 0.1\nviscous = 0.015\n\
+            static = 0.13\nstribeck_velocity = 0.2\nbristle_stiffness = 50.0\nbristle_damping = 0.1\n\
+            [effects.spring]\nstiffness = 0.3\n[effects.viscous-asymmetry]\ndifference = 0.002\n";
+        let wish = Wish {
+            bandwidth: 6.0,
+            rate: 1000.0,
+            counts: 4096.0,
+            limit: 12.0,
+            current: Some(Inner {
+                bandwidth: 30.0,
+                limit: None,
+            }),
+        };
+        let model = Model::parse(text).unwrap();
+        let mut found = parameters(&model, &wish).unwrap();
+        found.effects.backlash.inertia = 3e-4;
+        found.effects.backlash.speed = 0.7;
+        let inner = current(&model, &wish).unwrap().unwrap();
+        let here = factors(&found, Some(&inner));
+        assert!(here.iter().all(|(value, _)| value.is_finite()));
+        // Every factor that there is: none drops out for being zero.
+        assert_eq!(here.len(), 25 + 6 + 4 + 3 - 1, "{here:?}");
+        for (force, position, velocity) in [(2.0, 1.0, 1.0), (1.0, 8.0, 1.0), (1.0, 1.0, 32.0)] {
+            let units = Units {
+                force,
+                position,
+                velocity,
+            };
+            let scaled = (found.scaled(&units).unwrap(), inner.scaled(&units).unwrap());
+            let there = factors(&scaled.0, Some(&scaled.1));
+            for (k, ((value, powers), (other, _))) in here.iter().zip(&there).enumerate() {
+                let unit =
+                    force.powi(powers[0]) * position.powi(powers[1]) * velocity.powi(powers[2]);
+                let off = other * unit / value - 1.0;
+                assert!(off.abs() < 1e-9, "factor {k}: {value} in {unit}: {other}");
+            }
+        }
+    }
 
     /// From a small gearmotor to a heavy slide: everything is held to 1 %, which is what `scaled` asks for.
     #[test]
@@ -162,9 +215,10 @@ mod tests {
                 rate: 1000.0,
                 counts,
                 limit,
+                current: None,
             };
             let found = parameters(&Model::parse(&text).unwrap(), &wish).unwrap();
-            let units = units(&found, 1 << 12);
+            let units = units(&found, None, 1 << 12);
             let scaled = found.scaled::<Q16>(&units);
             assert!(scaled.is_ok_and(|p| p.is_valid()), "{text}: {units:?}");
         }

@@ -1,13 +1,17 @@
 //! Current and bus voltage: two injected conversions of ADC1, started by the bridge's timer.
 
 use crate::board::device::{ADC1, GPIOA, GPIOC, RCC};
+use crate::driver::sequence::{Registers, injected};
 
-/// The converter.
-pub struct Converter {
+/// Current and bus voltage.
+pub type Converter = crate::driver::sequence::Converter<Channels>;
+
+/// The converter's registers.
+pub struct Channels {
     adc: ADC1,
 }
 
-impl Converter {
+impl Channels {
     #[allow(unsafe_code)]
     /// Connects the pins and waits for the timer's triggers, with the interrupt enabled.
     pub fn start(adc: ADC1, rcc: &RCC, gpioa: &GPIOA, gpioc: &GPIOC) -> Self {
@@ -22,11 +26,8 @@ impl Converter {
         // 13.13.4, 13.13.5: 15 and 28 cycles of sampling, 0.7 µs and 1.3 µs; the bus divider is the weaker source.
         adc.smpr1().write(|w| w.smp10().cycles15());
         adc.smpr2().write(|w| w.smp6().cycles28());
-        // 13.13.12: with two conversions, they stand in places 3 and 4: channel 10, then 6.
-        adc.jsqr().write(|w| {
-            // SAFETY: any four bits are a length, and 10 and 6 are channels.
-            unsafe { w.jl().bits(1).jsq3().bits(10).jsq4().bits(6) }
-        });
+        // SAFETY: `injected` makes nothing but lengths and channels that there are.
+        adc.jsqr().write(|w| unsafe { w.bits(injected([10, 6])) });
         // 13.13.3: rising edge of TIM1's trigger output.
         adc.cr2().write(|w| {
             w.jexten().rising_edge();
@@ -35,18 +36,24 @@ impl Converter {
         });
         Self { adc }
     }
+}
 
-    /// The two readings; acknowledges the conversion (13.13.1: the flag is cleared by writing zero).
-    pub fn read(&mut self) -> (u16, u16) {
-        self.adc.sr().write(|w| w.jeoc().clear());
-        let current = self.adc.jdr1().read().jdata().bits();
-        let bus = self.adc.jdr2().read().jdata().bits();
-        (current, bus)
+impl Registers for Channels {
+    fn is_done(&self) -> bool {
+        self.adc.sr().read().jeoc().is_complete()
     }
 
-    /// Whether another conversion is done.
-    pub fn is_done(&self) -> bool {
-        self.adc.sr().read().jeoc().is_complete()
+    fn acknowledge(&mut self) {
+        // The flag is cleared by writing zero.
+        self.adc.sr().write(|w| w.jeoc().clear());
+    }
+
+    fn result(&self, conversion: usize) -> u16 {
+        if conversion == 0 {
+            self.adc.jdr1().read().jdata().bits()
+        } else {
+            self.adc.jdr2().read().jdata().bits()
+        }
     }
 }
 

@@ -6,10 +6,10 @@ use cortex_m::peripheral::SYST;
 use cortex_m::peripheral::syst::SystClkSource;
 use embedded_hal::delay::DelayNs;
 use embedded_hal::digital::{self, OutputPin};
-use embedded_hal::spi::{self, Operation, SpiDevice};
 
 use crate::board::device::{GPIOB, GPIOC, RCC, SPI3};
 use crate::driver::drv8301::{Drv8301, Gain, NotReady, Setup};
+use crate::driver::spi::Registers;
 
 /// 40 V/V over 0.5 mΩ: 20 mV/A, ±80 A in the range of the converter. 0.730 V over transistors of some 7 mΩ is far beyond
 /// that: the driver's own threshold is for short circuits.
@@ -49,7 +49,7 @@ impl Gate {
             w.br().div16();
             w.spe().enabled()
         });
-        let driver = Drv8301::new(Bus { spi, gpioc }, Enable { gpiob });
+        let driver = Drv8301::new(Bus::new(Port { spi, gpioc }), Enable { gpiob });
         Self { driver }
     }
 
@@ -81,80 +81,39 @@ impl OutputPin for Enable {
 }
 
 /// The bus with the driver's chip select.
-struct Bus {
+type Bus = crate::driver::spi::Bus<Port>;
+
+/// The bus's registers.
+struct Port {
     spi: SPI3,
     gpioc: GPIOC,
 }
 
-/// Attempts to see a frame done: a thousand times as long as it takes.
-const PATIENCE: u32 = 1_000_000;
-
-/// A frame that does not end.
-#[derive(Debug)]
-struct Timeout;
-
-impl spi::Error for Timeout {
-    fn kind(&self) -> spi::ErrorKind {
-        spi::ErrorKind::Other
+impl Registers for Port {
+    fn select(&mut self, selected: bool) {
+        self.gpioc.bsrr().write(|w| {
+            if selected {
+                w.br13().reset()
+            } else {
+                w.bs13().set_bit()
+            }
+        });
     }
-}
 
-impl spi::ErrorType for Bus {
-    type Error = Timeout;
-}
-
-impl Bus {
-    /// 28.3.5: a frame out and one in.
-    fn exchange(&mut self, word: u16) -> Result<u16, Timeout> {
+    fn put(&mut self, word: u16) {
         self.spi.dr().write(|w| w.dr().set(word));
-        for _ in 0..PATIENCE {
-            if self.spi.sr().read().rxne().bit_is_set() {
-                return Ok(self.spi.dr().read().dr().bits());
-            }
-        }
-        Err(Timeout)
     }
 
-    fn operate(&mut self, operation: &mut Operation<'_, u16>) -> Result<(), Timeout> {
-        match operation {
-            Operation::Read(words) => {
-                for word in words.iter_mut() {
-                    *word = self.exchange(0)?;
-                }
-            }
-            Operation::Write(words) => {
-                for word in *words {
-                    self.exchange(*word)?;
-                }
-            }
-            Operation::Transfer(read, write) => {
-                let longest = read.len().max(write.len());
-                for k in 0..longest {
-                    let word = self.exchange(write.get(k).copied().unwrap_or(0))?;
-                    if let Some(slot) = read.get_mut(k) {
-                        *slot = word;
-                    }
-                }
-            }
-            Operation::TransferInPlace(words) => {
-                for word in words.iter_mut() {
-                    *word = self.exchange(*word)?;
-                }
-            }
-            // The driver asks for 0.4 µs between frames (6.7), which the code around a frame takes anyway.
-            Operation::DelayNs(_) => cortex_m::asm::delay(200),
-        }
-        Ok(())
+    fn is_received(&self) -> bool {
+        self.spi.sr().read().rxne().bit_is_set()
     }
-}
 
-impl SpiDevice<u16> for Bus {
-    fn transaction(&mut self, operations: &mut [Operation<'_, u16>]) -> Result<(), Timeout> {
-        self.gpioc.bsrr().write(|w| w.br13().reset());
-        let outcome = operations.iter_mut().try_for_each(|o| self.operate(o));
-        self.gpioc.bsrr().write(|w| w.bs13().set_bit());
+    fn take(&mut self) -> u16 {
+        self.spi.dr().read().dr().bits()
+    }
+
+    fn rest(&mut self) {
         cortex_m::asm::delay(200);
-        outcome
     }
 }
 

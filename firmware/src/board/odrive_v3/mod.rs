@@ -46,10 +46,10 @@ use bristle_core::drive::{Fault, Faults, Sample};
 use super::device::{GPIOB, GPIOC, GPIOD, Peripherals, RCC};
 use super::{Board, Storage, serial_port};
 use clock::Clock;
-use converter::Converter;
+use converter::{Channels, Converter};
 use encoder::Encoder;
 use gate::Gate;
-use pwm::Bridge;
+use pwm::{Bridge, Timer};
 
 /// Everything that a control period touches.
 pub struct Power {
@@ -83,9 +83,9 @@ pub fn start(device: Peripherals, mut core: cortex_m::Peripherals) -> Board {
     faults.raise_if(Fault::Clock, clock.has_failed());
     let rcc = clock.rcc();
     let port = serial_port(device.UART4, &gpioa, rcc, clock.apb1_hz());
-    let bridge = Bridge::off(device.TIM1, rcc, &gpioa, &gpiob);
+    let bridge = Bridge::new(Timer::off(device.TIM1, rcc, &gpioa, &gpiob));
     let encoder = Encoder::start(device.TIM3, rcc, &gpiob);
-    let converter = Converter::start(device.ADC1, rcc, &gpioa, &gpioc);
+    let converter = Converter::new(Channels::start(device.ADC1, rcc, &gpioa, &gpioc));
     // 8.4.4: nFAULT is open drain.
     gpiod.pupdr().modify(|_, w| w.pupdr2().pull_up());
     let mut delay = gate::Delay::new(&mut core.SYST, clock.cpu_hz());
@@ -105,7 +105,7 @@ pub fn start(device: Peripherals, mut core: cortex_m::Peripherals) -> Board {
     Board {
         port,
         hardware: Some(power),
-        storage: Storage::OdriveV3(Flash::new(device.FLASH)),
+        storage: Storage::OdriveV3(flash::start(device.FLASH)),
         faults,
         fast: false,
     }
@@ -145,7 +145,7 @@ impl Power {
     pub fn drive(&mut self, legs: Option<[u16; 2]>) {
         match legs {
             Some(legs) => self.bridge.drive(legs),
-            None => bridge_off(),
+            None => self.bridge.off(),
         }
         // A conversion that is done before this one's step was is a missed period.
         self.missed = self.converter.is_done();

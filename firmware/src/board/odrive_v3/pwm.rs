@@ -1,24 +1,30 @@
 //! The bridge: TIM1 with complementary outputs on phases B and C.
 
 use crate::board::device::{GPIOA, GPIOB, RCC, TIM1};
+use crate::driver::bridge::{Registers, dead_time, repetitions, top};
 
-/// Where the counter turns: 168 MHz / (2 · 3500) = 24 kHz.
-pub const TOP: u16 = 3500;
+/// Frequency of the timer (17.3.2, twice that of APB2), Hz.
+const CLOCK: u32 = 168_000_000;
 
-/// Turns of the counter from one update event to the next, less one: three PWM periods, so that the control rate is
-/// 8 kHz. Odd, and written before the counter starts, so that the event comes at the top (17.3.2), in the middle of
-/// the time in which the low sides conduct and the shunts show the current.
-const REPETITIONS: u8 = 5;
+/// Where the counter turns, 3500, for a PWM of 24 kHz.
+pub const TOP: u16 = top(CLOCK, 24_000);
 
-/// 17.4.18, DTG: 20 periods of 168 MHz, 119 ns; the gate driver adds its own.
-const DEAD_TIME: u8 = 20;
+/// From one update event to the next: three PWM periods, so that the control rate is 8 kHz. The event comes at the top, in the
+/// middle of the time in which the low sides conduct and the shunts show the current.
+const REPETITIONS: u8 = repetitions(3);
+
+/// 119 ns, 20 periods of the clock; the gate driver adds its own.
+const DEAD_TIME: u8 = dead_time(CLOCK, 119);
+
+/// The bridge, on phases B and C.
+pub type Bridge = crate::driver::bridge::Bridge<Timer>;
 
 /// The bridge's timer.
-pub struct Bridge {
+pub struct Timer {
     timer: TIM1,
 }
 
-impl Bridge {
+impl Timer {
     /// Sets the timer up, with its outputs off, and starts it.
     pub fn off(timer: TIM1, rcc: &RCC, gpioa: &GPIOA, gpiob: &GPIOB) -> Self {
         rcc.apb2enr().modify(|_, w| w.tim1en().enabled());
@@ -63,12 +69,20 @@ impl Bridge {
         connect(gpioa, gpiob);
         Self { timer }
     }
+}
 
-    /// Sets the compare values and turns the outputs on.
-    pub fn drive(&mut self, [b, c]: [u16; 2]) {
-        self.timer.ccr(1).write(|w| w.ccr().set(b));
-        self.timer.ccr(2).write(|w| w.ccr().set(c));
-        self.timer.bdtr().modify(|_, w| w.moe().enabled());
+impl Registers for Timer {
+    fn compare(&mut self, leg: usize, value: u16) {
+        // Channels 2 and 3, which are the second and the third in the array.
+        self.timer.ccr(1 + leg).write(|w| w.ccr().set(value));
+    }
+
+    fn output(&mut self, on: bool) {
+        if on {
+            self.timer.bdtr().modify(|_, w| w.moe().enabled());
+        } else {
+            bridge_off();
+        }
     }
 }
 
