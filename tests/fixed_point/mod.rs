@@ -168,5 +168,6 @@ fn a_control_period_in_fixed_point_fits_its_budget_of_instructions() {
     if let Some(images) = runnable_fixed_images() {
         crate::count_instructions(&images.cost, "vldiscovery_");
         crate::count_instructions(&images.stages, "vldiscovery_");
+        crate::count_instructions(&images.sets, "vldiscovery_");
     }
 }

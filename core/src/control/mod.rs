@@ -67,6 +67,7 @@ mod position;
 mod profile;
 mod rows;
 mod stage;
+mod state;
 
 pub use backlash::Backlash;
 pub use compensation::{Compensation, Driver, Method};

@@ -11,7 +11,31 @@ const INTERVALS: usize = 2 * REACH;
 /// Intervals without a count after which an axis stands: a quarter of a window.
 const PAUSE: i32 = REACH as i32 / 2;
 
-/// The weights of a window and the gains of the recursion, computed once.
+/// The weights of a window, in units of half of one: those of every set of parameters.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Weights<T> {
+    acceleration: [T; INTERVALS + 1],
+    hold: [T; INTERVALS],
+}
+
+impl<T: Scalar> Weights<T> {
+    pub fn new() -> Self {
+        // In units of half a window all weights lie around 1.
+        let kernel = Kernel::new(REACH, T::ONE / T::from_i32(REACH as i32));
+        let mut acceleration = [T::ZERO; INTERVALS + 1];
+        let mut hold = [T::ZERO; INTERVALS];
+        kernel.acceleration(&mut acceleration);
+        // Where a window starts must not matter: rounding and the trapezoidal rule leave a rest, which goes to the middle.
+        let rest = acceleration.iter().fold(T::ZERO, |sum, &w| sum + w);
+        if let Some(middle) = acceleration.get_mut(REACH) {
+            *middle -= rest;
+        }
+        kernel.hold(&mut hold);
+        Self { acceleration, hold }
+    }
+}
+
+/// Windows over an axis and the gains of the recursion, computed once when parameters are put in force.
 ///
 /// A window of test function φ turns `J·v̇ = τ − Fc·s − o`, in which the axis slides in the direction `s` all the time
 /// and `τ` is everything known, into one row `∫τφ − J·∫q φ̈ = Fc·s + o`: nothing measured is differentiated. Windows
@@ -32,8 +56,6 @@ const PAUSE: i32 = REACH as i32 / 2;
 /// where the level is still wrong.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Rows<T> {
-    acceleration: [T; INTERVALS + 1],
-    hold: [T; INTERVALS],
     /// Samples of the controller to one of a window.
     every: i32,
     /// One over that.
@@ -131,22 +153,9 @@ impl<T: Scalar> Rows<T> {
         let reach = T::from_i32(REACH as i32);
         let wide = adaptation.window.half() / period;
         let every = (wide / reach + T::ONE.half()).floor().max(1);
-        // In units of half a window all weights lie around 1.
-        let kernel = Kernel::new(REACH, T::ONE / reach);
-        let mut acceleration = [T::ZERO; INTERVALS + 1];
-        let mut hold = [T::ZERO; INTERVALS];
-        kernel.acceleration(&mut acceleration);
-        // Where a window starts must not matter: rounding and the trapezoidal rule leave a rest, which goes to the middle.
-        let rest = acceleration.iter().fold(T::ZERO, |sum, &w| sum + w);
-        if let Some(middle) = acceleration.get_mut(REACH) {
-            *middle -= rest;
-        }
-        kernel.hold(&mut hold);
         let half_width = reach * T::from_i32(every) * period;
         let certain = T::from_i32(16);
         Self {
-            acceleration,
-            hold,
             every,
             mean: T::ONE / T::from_i32(every),
             torque_per_count: inertia / half_width * (count / half_width),
@@ -157,7 +166,13 @@ impl<T: Scalar> Rows<T> {
     }
 
     /// Takes a sample in; where it completes a row, the level and the offset `(Fc, o)` are brought forward.
-    pub fn sample(&self, state: &mut RowState<T>, seen: Seen<T>, theta: &mut [T; 2]) {
+    pub fn sample(
+        &self,
+        weights: &Weights<T>,
+        state: &mut RowState<T>,
+        seen: Seen<T>,
+        theta: &mut [T; 2],
+    ) {
         state.sum += seen.torque;
         state.since += 1;
         if state.since < self.every {
@@ -171,7 +186,7 @@ impl<T: Scalar> Rows<T> {
             windows, variance, ..
         } = state;
         for window in windows {
-            if let Some(row) = self.extend(window, seen.counts, torque, direction) {
+            if let Some(row) = self.extend(weights, window, seen.counts, torque, direction) {
                 self.learn(variance, row, theta);
             }
         }
@@ -180,6 +195,7 @@ impl<T: Scalar> Rows<T> {
     /// Adds a sample to a window; the row `(s, y)` if that was the last one of a window that counts.
     fn extend(
         &self,
+        weights: &Weights<T>,
         window: &mut Window<T>,
         counts: i32,
         torque: T,
@@ -199,7 +215,8 @@ impl<T: Scalar> Rows<T> {
             window.direction = 0;
         }
         let way = T::from_i32(counts.wrapping_sub(window.start));
-        if let (Some(&hold), Some(&acceleration)) = (self.hold.get(k - 1), self.acceleration.get(k))
+        if let (Some(&hold), Some(&acceleration)) =
+            (weights.hold.get(k - 1), weights.acceleration.get(k))
         {
             window.torque += hold * torque;
             window.way += acceleration * way;
@@ -236,7 +253,7 @@ impl<T: Scalar> Rows<T> {
 
 #[cfg(test)]
 mod tests {
-    use super::{RowState, Rows, Seen};
+    use super::{RowState, Rows, Seen, Weights};
     use crate::control::{Adaptation, Learning};
     use crate::scalar::{Q16, Scalar};
 
@@ -274,7 +291,7 @@ mod tests {
         truth: impl Fn(f64) -> [f64; 2],
         one_way: bool,
     ) -> std::vec::Vec<([f64; 2], [f64; 3])> {
-        let mut state = RowState::new(rows);
+        let (weights, mut state) = (Weights::new(), RowState::new(rows));
         let mut theta = [T::ZERO; 2];
         let (mut q, mut v) = (0.0_f64, 0.0_f64);
         let mut out = std::vec::Vec::new();
@@ -296,7 +313,7 @@ mod tests {
                 counts: Scalar::floor(q / COUNT),
                 torque: T::from_f64(torque),
             };
-            rows.sample(&mut state, seen, &mut theta);
+            rows.sample(&weights, &mut state, seen, &mut theta);
             let [pc, po, pco] = state.variance.map(Scalar::to_f64);
             let prior = rows.prior.map(Scalar::to_f64);
             assert!(
@@ -332,17 +349,18 @@ mod tests {
         let seen = run(&rows, 12, |t| [if t < 6.0 { 0.3 } else { 0.6 }, 0.0], false);
         assert!((seen[5].0[0] - 0.3).abs() < 0.03 && (seen[7].0[0] - 0.6).abs() < 0.04);
         // At rest nothing changes, neither level nor covariance, however hard friction is pushed.
-        let mut state = RowState::new(&rows);
+        let (weights, mut state) = (Weights::new(), RowState::new(&rows));
         let mut theta = [0.4, 0.0];
         let before = state.variance;
         for k in 0..100_000 {
             let torque = f64::from(k % 7);
-            rows.sample(&mut state, Seen { counts: 5, torque }, &mut theta);
+            rows.sample(&weights, &mut state, Seen { counts: 5, torque }, &mut theta);
             assert_eq!((theta, state.variance), ([0.4, 0.0], before));
         }
         // Nor where an encoder trembles between two counts.
         for k in 0..100_000 {
             rows.sample(
+                &weights,
                 &mut state,
                 Seen {
                     counts: k / 4 % 2,
