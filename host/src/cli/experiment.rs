@@ -30,7 +30,10 @@ pub(super) struct Command {
     /// What plants and disturbances are drawn from
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Run the first plant once more on the firmware in QEMU, and compare every command
+    /// Which of the plants, counted from 0, the report draws and --qemu runs
+    #[arg(long, value_name = "NUMBER", default_value_t = 0)]
+    plant: u64,
+    /// Run that plant once more under the firmware in QEMU, new parameters under way included, and compare every command
     #[cfg(unix)]
     #[arg(long)]
     qemu: bool,
@@ -52,11 +55,13 @@ struct Experimented<'a> {
     schema: &'static str,
     experiment: Experiment,
     seed: u64,
+    /// The number of the plant that is drawn.
+    plant: u64,
     claims: Vec<Claim>,
     summaries: Vec<Summary>,
     plants: &'a [Trial],
-    /// What the firmware made of the first plant, with `--qemu`.
-    on_board: Option<Vec<trials::Replayed>>,
+    /// What the firmware made of the plant that is drawn, with `--qemu`.
+    on_board: Option<Vec<trials::OnBoard>>,
 }
 
 impl Command {
@@ -67,15 +72,22 @@ impl Command {
                 "--plants 0 runs nothing; ask for at least one".to_owned(),
             ));
         }
+        if self.plant >= self.plants {
+            return Err(Error::Usage(format!(
+                "--plant {}: there are {} plants, counted from 0; ask for one of them or for more --plants",
+                self.plant, self.plants
+            )));
+        }
         let progress = Meter::new();
         progress.say("running plants");
-        let campaign = trials::run(self.experiment, self.plants, self.seed)?;
+        let campaign = trials::run(self.experiment, self.plants, self.seed, self.plant)?;
         let on_board = self.on_board(&campaign, &progress)?;
         progress.finish();
         let experimented = Experimented {
             schema: "bristle.experiment/1",
             experiment: self.experiment,
             seed: self.seed,
+            plant: self.plant,
             claims: campaign.claims(),
             summaries: summaries(&campaign),
             plants: &campaign.trials,
@@ -85,7 +97,7 @@ impl Command {
         outputs.add(self.json.as_ref(), || json(&experimented))?;
         outputs.add(self.report.as_ref(), || {
             let on_board = experimented.on_board.as_deref();
-            report::experiment(&campaign, on_board, self.seed)
+            report::experiment(&campaign, on_board)
         })?;
         let written = outputs.write()?;
         print(&experimented);
@@ -93,13 +105,13 @@ impl Command {
         Ok(DONE)
     }
 
-    /// The runs of the first plant on the firmware, if asked for.
+    /// The runs of the plant that is drawn under the firmware, if asked for.
     #[cfg(unix)]
     fn on_board(
         &self,
         campaign: &Campaign,
         progress: &Meter,
-    ) -> crate::error::Result<Option<Vec<trials::Replayed>>> {
+    ) -> crate::error::Result<Option<Vec<trials::OnBoard>>> {
         use crate::emulate::{Board, Launch, Transport};
         use crate::image::F405;
         if !self.qemu {
@@ -108,7 +120,7 @@ impl Command {
         progress.say("running the firmware");
         let image = super::emulate::chosen_image(self.image.as_deref(), F405, false)?;
         let mut board = Board::boot(&image, Launch::F405, Transport::Fast)?;
-        trials::replay(campaign, &mut board).map(Some)
+        trials::on_board(campaign, &mut board).map(Some)
     }
 
     /// There is no emulated board here.
@@ -117,7 +129,7 @@ impl Command {
         &self,
         _: &Campaign,
         _: &Meter,
-    ) -> crate::error::Result<Option<Vec<trials::Replayed>>> {
+    ) -> crate::error::Result<Option<Vec<trials::OnBoard>>> {
         Ok(None)
     }
 }
@@ -177,10 +189,14 @@ fn print(e: &Experimented) {
     }
     for run in e.on_board.iter().flatten() {
         anstream::println!(
-            "firmware in QEMU, first plant, {}: {} of {} commands are the host's, bit for bit",
+            "firmware in QEMU, plant {}, {}: RMS error {} (host {}), {} of {} periods are the host's bit for bit, {} sets of parameters under way",
+            e.plant,
             run.way.name(),
+            significant(run.firmware.rms, 3),
+            significant(run.host.rms, 3),
             run.equal,
-            run.periods
+            run.periods,
+            run.sets
         );
     }
 }
