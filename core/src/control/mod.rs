@@ -20,9 +20,9 @@
 //!
 //! | friction | Coulomb level | `f32` | fixed point |
 //! | --- | --- | --- | --- |
-//! | static | by the observer | 462 | 1038 |
-//! | static | by rows | 476 | 1020 |
-//! | bristles | by the observer | 512 | 1290 |
+//! | static | by the observer | 461 | 1033 |
+//! | static | by rows | 489 | 1035 |
+//! | bristles | by the observer | 510 | 1279 |
 //!
 //! ```
 //! use bristle_core::control::{
