@@ -205,9 +205,12 @@ fn the_input_is_limited_and_zero_when_off() {
     assert_eq!(drive.state(), State::Off);
 }
 
+/// What a set says otherwise.
+type Change = fn(&mut Parameters<f32>);
+
 #[test]
 fn a_running_axis_keeps_what_must_not_change_and_its_mode() {
-    let fixed: [(&str, fn(&mut Parameters<f32>)); 17] = [
+    let fixed: [(&str, Change); 17] = [
         ("jump", |p| p.limits.jump += 1),
         ("current scale", |p| p.limits.current_per_count *= -1.0),
         ("current zero", |p| p.limits.current_zero += 1),
@@ -241,7 +244,7 @@ fn a_running_axis_keeps_what_must_not_change_and_its_mode() {
 
 #[test]
 fn numbers_out_of_range_are_refused_running_or_not() {
-    let bad: [fn(&mut Parameters<f32>); 6] = [
+    let bad: [Change; 6] = [
         |p| p.limits.bus_max = f32::NAN,
         |p| p.control.inertia = f32::NAN,
         |p| p.control.velocity_gain = f32::INFINITY,

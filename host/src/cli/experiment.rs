@@ -1,6 +1,6 @@
 //! `bristle experiment`
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::Serialize;
@@ -9,10 +9,10 @@ use super::diagnose::json;
 use super::output::{self, Outputs};
 use super::terminal::Meter;
 use super::{DONE, Outcome, terminal};
-use crate::error::Error;
+use crate::error::{Error, Result};
 use crate::format::significant;
 use crate::report;
-use crate::trials::{self, Campaign, Claim, Experiment, Summary, Trial, Verdict};
+use crate::trials::{self, Campaign, Claim, Experiment, OnBoard, Summary, Trial, Verdict};
 
 /// Run one of the source's experiments on many plants, with and without adaptation of friction
 ///
@@ -61,12 +61,12 @@ struct Experimented<'a> {
     summaries: Vec<Summary>,
     plants: &'a [Trial],
     /// What the firmware made of the plant that is drawn, with `--qemu`.
-    on_board: Option<Vec<trials::OnBoard>>,
+    on_board: Option<Vec<OnBoard>>,
 }
 
 impl Command {
     pub fn run(&self) -> Outcome {
-        output::check(&[], &[self.report.as_ref(), self.json.as_ref()])?;
+        output::check(&self.inputs(), &[self.report.as_ref(), self.json.as_ref()])?;
         if self.plants == 0 {
             return Err(Error::Usage(
                 "--plants 0 runs nothing; ask for at least one".to_owned(),
@@ -79,9 +79,7 @@ impl Command {
             )));
         }
         let progress = Meter::new();
-        progress.say("running plants");
-        let campaign = trials::run(self.experiment, self.plants, self.seed, self.plant)?;
-        let on_board = self.on_board(&campaign, &progress)?;
+        let (campaign, on_board) = self.campaign(&progress)?;
         progress.finish();
         let experimented = Experimented {
             schema: "bristle.experiment/1",
@@ -105,32 +103,42 @@ impl Command {
         Ok(DONE)
     }
 
-    /// The runs of the plant that is drawn under the firmware, if asked for.
     #[cfg(unix)]
-    fn on_board(
-        &self,
-        campaign: &Campaign,
-        progress: &Meter,
-    ) -> crate::error::Result<Option<Vec<trials::OnBoard>>> {
+    fn inputs(&self) -> Vec<&Path> {
+        self.image.as_deref().into_iter().collect()
+    }
+
+    /// All plants, and the runs of the one that is drawn under the firmware if asked for.
+    #[cfg(unix)]
+    fn campaign(&self, progress: &Meter) -> Result<(Campaign, Option<Vec<OnBoard>>)> {
         use crate::emulate::{Board, Launch, Transport};
         use crate::image::F405;
         if !self.qemu {
-            return Ok(None);
+            return Ok((self.plants(progress)?, None));
         }
-        progress.say("running the firmware");
+        // What is wrong with the image shows before all plants have run.
         let image = super::emulate::chosen_image(self.image.as_deref(), F405, false)?;
         let mut board = Board::boot(&image, Launch::F405, Transport::Fast)?;
-        trials::on_board(campaign, &mut board).map(Some)
+        let campaign = self.plants(progress)?;
+        progress.say("running the firmware");
+        let on_board = trials::on_board(&campaign, &mut board)?;
+        Ok((campaign, Some(on_board)))
     }
 
     /// There is no emulated board here.
     #[cfg(not(unix))]
-    fn on_board(
-        &self,
-        _: &Campaign,
-        _: &Meter,
-    ) -> crate::error::Result<Option<Vec<trials::OnBoard>>> {
-        Ok(None)
+    fn inputs(&self) -> Vec<&Path> {
+        Vec::new()
+    }
+
+    #[cfg(not(unix))]
+    fn campaign(&self, progress: &Meter) -> Result<(Campaign, Option<Vec<OnBoard>>)> {
+        Ok((self.plants(progress)?, None))
+    }
+
+    fn plants(&self, progress: &Meter) -> Result<Campaign> {
+        progress.say("running plants");
+        trials::run(self.experiment, self.plants, self.seed, self.plant)
     }
 }
 

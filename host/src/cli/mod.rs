@@ -42,7 +42,8 @@ use crate::error::{Error, Result};
 ///
 /// Start with `bristle demo`, then `bristle diagnose run.csv --model axis.toml --report report.html`.
 ///
-/// Exit status: 0 done, 1 internal failure, 2 unusable input or arguments, 3 only with `diagnose --check`.
+/// Exit status: 0 done, 1 internal failure, 2 unusable input or arguments, 3 only with `--check`: the model leaves something out, or
+/// the board holds other parameters.
 #[derive(Debug, Parser)]
 #[command(name = "bristle", version, max_term_width = 100)]
 struct Cli {
