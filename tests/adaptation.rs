@@ -174,6 +174,10 @@ fn what_cannot_be_tuned_or_run_is_refused_in_one_line() {
             "axis.toml is an input",
         ),
         ("experiment srv02 --plants 0 --json out.json", "--plants 0"),
+        (
+            "experiment srv02 --plants 3 --plant 3 --json out.json",
+            "--plant 3",
+        ),
         ("experiment srv02 --json none/out.json", "none/out.json"),
         ("experiment pendulum --json out.json", "pendulum"),
     ] {

@@ -202,25 +202,67 @@ fn the_loop_finds_what_is_concealed_and_halves_the_error_and_more() {
     assert!(folder.read("out/loop.html").contains("as diagnosed"));
 }
 
-#[test]
-fn the_firmware_makes_of_an_experiment_what_the_host_does() {
-    let Some(images) = runnable_images() else {
-        return;
-    };
+/// Runs an experiment on the host and under the firmware, way by way: how many sets of parameters the running board took.
+/// Every period has to be the host's, bit for bit, and what came of it as well.
+fn on_board(line: &str, periods: u64) -> Option<Vec<(String, u64)>> {
+    let images = runnable_images()?;
     let folder = Folder::new();
     let image = images.firmware.display();
-    folder.done(&format!(
-        "experiment srv02 --plants 1 --seed 5 --json out.json --report out.html --qemu --image {image}"
+    let said = folder.done(&format!(
+        "experiment {line} --json out.json --report out.html --qemu --image {image}"
     ));
-    let report = folder.read("out.html");
-    assert!(report.contains("On the firmware"));
+    let page = folder.read("out.html");
+    assert!(page.contains("On the firmware") && page.contains("On the host"));
     let json = folder.json("out.json");
-    let runs = json["on_board"].as_array().expect("a list");
-    assert_eq!(runs.len(), 4);
-    for run in runs {
-        assert_eq!(run["periods"], 26_000);
+    let runs = json["on_board"].as_array().expect("a list").iter();
+    let told = runs.map(|run| {
+        assert_eq!(run["periods"], periods);
         assert_eq!(run["equal"], run["periods"], "{run}");
-    }
+        assert_eq!(run["firmware"], run["host"], "{run}");
+        let way = run["way"].as_str().expect("a way").to_owned();
+        (way, run["sets"].as_u64().expect("a number"))
+    });
+    let told: Vec<_> = told.collect();
+    let lines = said.lines().filter(|l| l.starts_with("firmware in QEMU"));
+    assert_eq!(lines.count(), told.len(), "{said}");
+    Some(told)
+}
+
+#[test]
+fn the_firmware_makes_of_an_experiment_what_the_host_does() {
+    let Some(runs) = on_board("srv02 --plants 2 --plant 1 --seed 5", 26_000) else {
+        return;
+    };
+    assert_eq!(runs.len(), 4);
+    assert!(runs.iter().all(|(_, sets)| *sets == 0), "{runs:?}");
+}
+
+#[test]
+fn the_firmware_takes_what_dbi_found_of_a_motor_under_way() {
+    let Some(runs) = on_board("dc-motor --plants 1 --seed 5", 24_000) else {
+        return;
+    };
+    let sets: Vec<_> = runs.iter().map(|(w, sets)| (w.as_str(), *sets)).collect();
+    assert_eq!(
+        sets,
+        [("classic", 0), ("off-line", 0), ("reidentified", 1)],
+        "{runs:?}"
+    );
+}
+
+#[test]
+fn the_firmware_is_tuned_again_while_the_mass_moves() {
+    let Some(runs) = on_board("mass-spring --plants 1 --seed 5", 38_000) else {
+        return;
+    };
+    let sets: Vec<_> = runs.iter().map(|(w, sets)| (w.as_str(), *sets)).collect();
+    let expected = [
+        ("classic", 0),
+        ("off-line", 1),
+        ("tuned", 3),
+        ("self-tuned", 3),
+    ];
+    assert_eq!(sets, expected);
 }
 
 #[test]

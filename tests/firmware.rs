@@ -18,7 +18,7 @@ use bristle::image;
 use bristle::model::Model;
 use bristle::plant;
 use bristle::tune::{self, Wish};
-use bristle_core::control::{SetPoint, Stage};
+use bristle_core::control::{Effects, Learning, SetPoint, Stage};
 use bristle_core::drive::recorder::{Order, Trigger};
 use bristle_core::drive::signal::{Selection, Signal};
 use bristle_core::drive::store::checksum;
@@ -148,6 +148,113 @@ fn assert_followed<T>(board: &Outcome<T>) {
         .skip(500)
         .fold(0.0_f64, |m, (r, q)| m.max((r - q).abs()));
     assert!(worst < 0.012, "{worst}");
+}
+
+/// A driver to which something is done with a set of parameters, every 97 periods.
+struct Changing<D> {
+    driver: D,
+    period: usize,
+    set: fn(&mut D, Parameters<f32>),
+}
+
+/// What is known of the axis in turn: friction, gains and learning.
+fn known(turn: usize) -> Parameters<f32> {
+    let mut set = parameters();
+    let control = &mut set.control;
+    if turn % 2 == 1 {
+        control.friction.coulomb *= 0.8;
+        control.velocity_gain *= 1.2;
+        control.observer_bandwidth *= 0.9;
+    }
+    if turn % 3 == 2 {
+        control.adaptation.method = Learning::Rows;
+        control.effects = Effects::NONE;
+    }
+    set
+}
+
+impl<D: Driver<f32>> Driver<f32> for Changing<D> {
+    fn period(
+        &mut self,
+        set_point: Option<SetPoint<f32>>,
+        sample: Sample,
+    ) -> bristle::error::Result<Period<f32>> {
+        self.period += 1;
+        if self.period.is_multiple_of(97) {
+            (self.set)(&mut self.driver, known(self.period / 97));
+        }
+        self.driver.period(set_point, sample)
+    }
+}
+
+fn changing<D: Driver<f32>>(driver: D, set: fn(&mut D, Parameters<f32>)) -> Changing<D> {
+    Changing {
+        driver,
+        period: 0,
+        set,
+    }
+}
+
+#[test]
+fn parameters_under_way_are_in_force_in_the_same_period_as_on_the_host() {
+    let Some(board) = running(Transport::Fast, &parameters()) else {
+        return;
+    };
+    let mut board = changing(board, |board, set| {
+        board.tell(Command::Set(set)).expect("it is taken");
+        // Nothing of this goes to flash.
+        assert_eq!(
+            board.ask(Command::Store).expect("an answer"),
+            Answer::Refused(Refusal::Running)
+        );
+    });
+    let host = OnHost::new(parameters()).expect("valid parameters");
+    let mut host = changing(host, |host, set| host.set(&set).expect("it is taken"));
+    let (ran, expected) = (run(&mut board, 6000), run(&mut host, 6000));
+    assert_same(&ran, &expected);
+    assert_followed(&ran);
+    let mut unchanged = OnHost::new(parameters()).expect("valid parameters");
+    assert_ne!(ran.record.u, run(&mut unchanged, 6000).record.u);
+    board.driver.restart().expect("it starts anew");
+    let held = board.driver.ask(Command::Get).expect("an answer");
+    assert_eq!(held, Answer::Parameters(Parameters::harmless()));
+}
+
+#[test]
+fn a_set_that_comes_damaged_or_does_not_fit_changes_nothing_of_a_run() {
+    let Some(board) = running(Transport::Serial, &parameters()) else {
+        return;
+    };
+    let mut board = changing(board, |board, set| {
+        let packet = Packet {
+            sequence: 0,
+            command: Command::Set(set),
+        };
+        let mut frame = bristle_core::link::encode(&packet)
+            .expect("a frame")
+            .to_vec();
+        // Without its second half, and with one bit that is not its own.
+        let half = frame.len() / 2;
+        let mut damaged = frame.split_off(half);
+        frame.push(0);
+        damaged.insert(0, 1);
+        for bytes in [frame, damaged] {
+            board.machine().write(&bytes).expect("the line is open");
+        }
+        let mut bad = set;
+        bad.control.friction.viscous = f32::NAN;
+        let answer = board.ask(Command::Set(bad)).expect("an answer");
+        assert_eq!(answer, Answer::Refused(Refusal::Invalid));
+        bad = set;
+        bad.control.gain *= -1.0;
+        let answer = board.ask(Command::Set(bad)).expect("an answer");
+        assert_eq!(answer, Answer::Refused(Refusal::Fixed));
+    });
+    let mut host = OnHost::new(parameters()).expect("valid parameters");
+    assert_same(&run(&mut board, 300), &run(&mut host, 300));
+    let held = board.driver.ask(Command::Get).expect("an answer");
+    assert_eq!(held, Answer::Parameters(parameters()));
+    assert_eq!(status(&mut board.driver).2.damaged, 6);
 }
 
 #[test]
@@ -518,7 +625,9 @@ fn what_must_not_be_is_refused_by_name() {
     let refused = |board: &mut Board<f32>, command, why| {
         assert_eq!(board.ask(command).expect("an answer"), Answer::Refused(why));
     };
-    refused(&mut board, Command::Set(parameters()), Refusal::Running);
+    let mut other = parameters();
+    other.control.command_limit = 2.0;
+    refused(&mut board, Command::Set(other), Refusal::Fixed);
     refused(&mut board, Command::Store, Refusal::Running);
     refused(&mut board, Command::Enable, Refusal::Running);
     board.tell(Command::Disable).expect("it is turned off");
@@ -742,6 +851,7 @@ fn a_control_period_fits_its_budget_of_instructions() {
     };
     count_instructions(&images.cost, "", 1);
     count_instructions(&images.stages, "", STAGES);
+    count_instructions(&images.sets, "", 1);
 }
 
 /// What `examples/stages.rs` counts: the control law, and each stage.

@@ -205,23 +205,96 @@ fn the_input_is_limited_and_zero_when_off() {
     assert_eq!(drive.state(), State::Off);
 }
 
+/// What a set says otherwise.
+type Change = fn(&mut Parameters<f32>);
+
 #[test]
-fn a_running_axis_keeps_its_parameters_and_mode() {
+fn a_running_axis_keeps_what_must_not_change_and_its_mode() {
+    let fixed: [(&str, Change); 17] = [
+        ("jump", |p| p.limits.jump += 1),
+        ("current scale", |p| p.limits.current_per_count *= -1.0),
+        ("current zero", |p| p.limits.current_zero += 1),
+        ("current", |p| p.limits.current *= 2.0),
+        ("bus scale", |p| p.limits.bus_per_count *= 1.5),
+        ("least bus", |p| p.limits.bus_min = 0.0),
+        ("largest bus", |p| p.limits.bus_max *= 2.0),
+        ("stall", |p| p.limits.stall *= 2.0),
+        ("stall periods", |p| p.limits.stall_periods += 1),
+        ("command timeout", |p| p.limits.command_timeout = 0),
+        ("link timeout", |p| p.limits.link_timeout = 0),
+        ("period", |p| p.control.period *= 2.0),
+        ("count", |p| p.control.count *= 2.0),
+        ("polarity", |p| p.control.gain *= -1.0),
+        ("back EMF", |p| p.control.back_emf = 0.1),
+        ("command limit", |p| p.control.command_limit = 2.0),
+        ("torque limit", |p| p.control.torque_limit = 2.0),
+    ];
+    for (what, change) in fixed {
+        let mut drive = drive::<f32>();
+        let mut other = parameters();
+        change(&mut other);
+        assert_eq!(drive.set(&other), Err(Refusal::Fixed), "{what}");
+        assert_eq!(*drive.parameters(), parameters(), "{what}");
+        drive.disable();
+        assert_eq!(drive.set(&other), Ok(()), "{what}");
+        assert_eq!(*drive.parameters(), other, "{what}");
+    }
+    assert_eq!(drive::<f32>().enable(), Err(Refusal::Running));
+}
+
+#[test]
+fn numbers_out_of_range_are_refused_running_or_not() {
+    let bad: [Change; 6] = [
+        |p| p.limits.bus_max = f32::NAN,
+        |p| p.control.inertia = f32::NAN,
+        |p| p.control.velocity_gain = f32::INFINITY,
+        |p| p.control.friction.coulomb = -0.1,
+        |p| p.control.effects.offset = f32::NAN,
+        |p| p.control.adaptation.lowest = 2.0 * p.control.adaptation.highest + 1.0,
+    ];
+    for change in bad {
+        let mut drive = drive::<f32>();
+        let mut invalid = parameters();
+        change(&mut invalid);
+        for _ in 0..2 {
+            assert_eq!(drive.set(&invalid), Err(Refusal::Invalid));
+            assert_eq!(*drive.parameters(), parameters());
+            drive.disable();
+        }
+    }
+}
+
+/// Parameters under way neither hide a fault nor stop a clock that runs.
+#[test]
+fn a_set_under_way_is_in_force_in_the_next_period_and_is_no_set_point() {
     let mut drive = drive::<f32>();
     let mut other = parameters();
-    other.control.command_limit = 2.0;
-    assert_eq!(drive.set(&other), Err(Refusal::Running));
-    assert_eq!(drive.enable(), Err(Refusal::Running));
-    drive.disable();
-    let mut invalid = other;
-    invalid.limits.bus_max = f32::NAN;
-    assert_eq!(drive.set(&invalid), Err(Refusal::Invalid));
-    invalid = other;
-    invalid.control.period = 0.0;
-    assert_eq!(drive.set(&invalid), Err(Refusal::Invalid));
-    assert_eq!(*drive.parameters(), parameters());
+    other.control.velocity_gain = 0.25;
+    let velocity = SetPoint::Velocity {
+        velocity: 1.0,
+        acceleration: 0.0,
+    };
+    let asked = News {
+        set_point: Some(velocity),
+        ..news(0.0)
+    };
+    // Without gains nothing comes of it.
+    assert_eq!(drive.step(&HEALTHY, &asked).input, 0.0);
     assert_eq!(drive.set(&other), Ok(()));
-    assert_eq!(*drive.parameters(), other);
+    assert_eq!(drive.step(&HEALTHY, &asked).input, 0.25);
+    drive.verify();
+    assert_eq!(drive.state(), State::Running);
+    let stale = periods_on(&mut drive, Fault::StaleCommand, |_| (HEALTHY, silent(true)));
+    assert_eq!(stale, 10);
+    let mut drive = self::drive::<f32>();
+    let mut set = false;
+    let stale = (0..100).position(|_| {
+        set = !set;
+        let next = if set { other } else { parameters() };
+        assert_eq!(drive.set(&next), Ok(()));
+        !drive.step(&HEALTHY, &silent(true)).bridge
+    });
+    assert_eq!(stale, Some(10));
 }
 
 #[test]

@@ -110,6 +110,7 @@ pub fn refused(packet: u16, refusal: Refusal) {
         Refusal::NothingSelected => "no signal is selected",
         Refusal::WriteFailed => "the flash cannot be written",
         Refusal::NotEmulated => "only an emulated board does this",
+        Refusal::Fixed => "something would change that must stay while the axis runs",
     };
     line!(warn, "packet {=u16} refused: {=str}", packet, why);
 }

@@ -24,6 +24,8 @@ pub struct Images {
     pub cost: PathBuf,
     /// Counts those of its stages.
     pub stages: PathBuf,
+    /// Counts those of new parameters under way.
+    pub sets: PathBuf,
     /// Executes an undefined instruction at once.
     pub hard_fault: PathBuf,
 }
@@ -36,6 +38,8 @@ pub struct FixedImages {
     pub cost: PathBuf,
     /// Counts those of its stages.
     pub stages: PathBuf,
+    /// Counts those of new parameters under way.
+    pub sets: PathBuf,
 }
 
 /// The images; `None`, with a message, on a machine that cannot build them.
@@ -49,6 +53,7 @@ pub fn images() -> Option<&'static Images> {
             hard_fault: example("hard_fault"),
             cost: example("cost"),
             stages: example("stages"),
+            sets: example("sets"),
             firmware,
         })
     });
@@ -64,6 +69,7 @@ pub fn fixed_images() -> Option<&'static FixedImages> {
         Some(FixedImages {
             cost: example("cost"),
             stages: example("stages"),
+            sets: example("sets"),
             firmware,
         })
     });

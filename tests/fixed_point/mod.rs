@@ -212,5 +212,6 @@ fn a_control_period_in_fixed_point_fits_its_budget_of_instructions() {
     if let Some(images) = runnable_fixed_images() {
         crate::count_instructions(&images.cost, "vldiscovery_", 1);
         crate::count_instructions(&images.stages, "vldiscovery_", crate::STAGES);
+        crate::count_instructions(&images.sets, "vldiscovery_", 1);
     }
 }

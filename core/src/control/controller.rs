@@ -2,12 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::backlash::Play;
 use super::compensation::Velocities;
 use super::derived::Derived;
 use super::friction::Law;
-use super::rows::{RowState, Seen};
-use super::{Invalid, Learning, Observer, Parameters, Position, Probe, Stage};
+use super::rows::{Seen, Weights};
+use super::state::State;
+use super::{Invalid, Learning, Parameters, Position, Probe, Stage};
 use crate::Scalar;
 
 /// What the axis is to do.
@@ -74,46 +74,8 @@ pub struct Output<T> {
 pub struct Controller<T> {
     parameters: Parameters<T>,
     derived: Derived<T>,
+    weights: Weights<T>,
     state: State<T>,
-}
-
-/// What a controller remembers.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct State<T> {
-    observer: Observer<T>,
-    /// Integral part of the torque.
-    integral: T,
-    /// Deflection of the observed bristles, rad or m.
-    bristles: T,
-    /// Coulomb level and constant offset, adapted or as given.
-    learned: [T; 2],
-    rows: RowState<T>,
-    play: Play<T>,
-    /// Friction level beyond the Coulomb level at the last sample.
-    excess: T,
-    /// What but dry friction acts from the last sample on, N·m or N.
-    drive: T,
-    /// See [`Controller::amend`]: nothing but its sign counts.
-    pressed: T,
-}
-
-impl<T: Scalar> State<T> {
-    fn at_rest(counts: i32, parameters: &Parameters<T>, derived: &Derived<T>) -> Self {
-        Self {
-            observer: Observer::at_rest(counts),
-            integral: T::ZERO,
-            bristles: T::ZERO,
-            learned: [parameters.friction.coulomb, parameters.effects.offset],
-            rows: RowState::new(&derived.rows),
-            play: Play {
-                at: T::ZERO,
-                ahead: T::ZERO,
-            },
-            excess: T::ZERO,
-            drive: T::ZERO,
-            pressed: T::ZERO,
-        }
-    }
 }
 
 /// What the position loop makes of a set point.
@@ -134,6 +96,7 @@ impl<T: Scalar> Controller<T> {
         Ok(Self {
             state: State::at_rest(counts, &parameters, &derived),
             derived,
+            weights: Weights::new(),
             parameters,
         })
     }
@@ -143,13 +106,34 @@ impl<T: Scalar> Controller<T> {
         &self.parameters
     }
 
-    /// Puts other parameters in force at the next sample, of an axis that may be moving. What is learned starts anew from
-    /// them. If they are not valid, the old ones stay.
+    /// Puts other parameters in force at the next sample, of an axis that may be moving. If they are not valid, the old ones
+    /// stay.
+    ///
+    /// # Transfer
+    /// What the controller remembers is in units that no gain defines, so it means the same under the new parameters and is
+    /// carried over: a set like the one in force changes no bit of what follows, and the command steps by what the
+    /// control law makes of the new parameters in the same state, and by nothing else.
+    ///
+    /// | remembered | under new parameters |
+    /// | --- | --- |
+    /// | position and velocity | kept: they are the axis's own, whatever gains correct them |
+    /// | integral | kept as a torque: another `ki` changes how it goes on and not what it is |
+    /// | deflection of bristles | such that the force `σ0·z` is kept; what the new level cannot hold relaxes over the next of the way, as in a contact. From zero where no bristles were observed before |
+    /// | Coulomb level, offset | what was learned is kept unless the set says otherwise: by another `friction.coulomb` or `effects.offset`, or by learning nothing. Within the new bounds at once |
+    /// | rows of the weak form | kept if all that a row is made of stays (inertia, friction, effects, adaptation). Else windows and covariance begin anew: a row out of two models would be of neither |
+    /// | play within the backlash | kept: it is where the load lies |
+    /// | what acted last | kept, as it did act |
+    ///
+    /// The integral is not moved to make up for a step of what is fed forward. Friction turns with the motion and the integral
+    /// does not, so what hides the step now would be wrong by twice as much after the next reversal.
+    ///
+    /// Period, count and whatever else [`Parameters::is_same_drive`] compares give those units their meaning: change them
+    /// only at rest, and [`Controller::reset`] after it.
     pub fn set_parameters(&mut self, parameters: Parameters<T>) -> Result<(), Invalid> {
         parameters.check()?;
         self.derived = Derived::new(&parameters);
-        self.state.learned = [parameters.friction.coulomb, parameters.effects.offset];
-        self.state.rows = RowState::new(&self.derived.rows);
+        self.state
+            .carry_over(&self.parameters, &parameters, &self.derived.rows);
         self.parameters = parameters;
         Ok(())
     }
@@ -247,6 +231,7 @@ impl<T: Scalar> Controller<T> {
         let Self {
             parameters,
             derived,
+            weights,
             state,
         } = self;
         let after = state.observer.velocity;
@@ -267,7 +252,7 @@ impl<T: Scalar> Controller<T> {
                 let seen = Seen { counts, torque };
                 derived
                     .rows
-                    .sample(&mut state.rows, seen, &mut state.learned);
+                    .sample(weights, &mut state.rows, seen, &mut state.learned);
                 state.learned = adaptation.bounded(state.learned, last);
             }
         }

@@ -20,9 +20,9 @@
 //!
 //! | friction | Coulomb level | `f32` | fixed point |
 //! | --- | --- | --- | --- |
-//! | static | by the observer | 468 | 1030 |
-//! | static | by rows | 482 | 1013 |
-//! | bristles | by the observer | 517 | 1273 |
+//! | static | by the observer | 461 | 1033 |
+//! | static | by rows | 489 | 1035 |
+//! | bristles | by the observer | 510 | 1279 |
 //!
 //! ```
 //! use bristle_core::control::{
@@ -67,6 +67,7 @@ mod position;
 mod profile;
 mod rows;
 mod stage;
+mod state;
 
 pub use backlash::Backlash;
 pub use compensation::{Compensation, Driver, Method};

@@ -65,6 +65,22 @@ impl fmt::Display for Invalid {
 impl core::error::Error for Invalid {}
 
 impl<T: Scalar> Parameters<T> {
+    /// Whether both are of one drive: whatever tells what a sample and a command are is the same. That is the period, the
+    /// encoder's count, what `u` makes (`gain`, and with its sign the polarity, and `back_emf`) and the limits of both.
+    pub fn is_same_drive(&self, other: &Self) -> bool {
+        let fixed = |p: &Self| {
+            [
+                p.period,
+                p.count,
+                p.gain,
+                p.back_emf,
+                p.command_limit,
+                p.torque_limit,
+            ]
+        };
+        fixed(self) == fixed(other)
+    }
+
     /// Whether [`Parameters::check`] finds nothing.
     pub fn is_valid(&self) -> bool {
         self.check().is_ok()

@@ -1,6 +1,6 @@
 //! The Coulomb level by least squares on rows of the weak form.
 
-use super::Adaptation;
+use super::{Adaptation, Position};
 use crate::Scalar;
 use crate::weak::Kernel;
 
@@ -11,13 +11,44 @@ const INTERVALS: usize = 2 * REACH;
 /// Intervals without a count after which an axis stands: a quarter of a window.
 const PAUSE: i32 = REACH as i32 / 2;
 
-/// The weights of a window and the gains of the recursion, computed once.
+/// The weights of a window, in units of half of one: those of every set of parameters.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Weights<T> {
+    acceleration: [T; INTERVALS + 1],
+    hold: [T; INTERVALS],
+}
+
+impl<T: Scalar> Weights<T> {
+    pub fn new() -> Self {
+        // In units of half a window all weights lie around 1.
+        let kernel = Kernel::new(REACH, T::ONE / T::from_i32(REACH as i32));
+        let mut acceleration = [T::ZERO; INTERVALS + 1];
+        let mut hold = [T::ZERO; INTERVALS];
+        kernel.acceleration(&mut acceleration);
+        // Where a window starts must not matter: rounding and the trapezoidal rule leave a rest, which goes to the middle.
+        let rest = acceleration.iter().fold(T::ZERO, |sum, &w| sum + w);
+        if let Some(middle) = acceleration.get_mut(REACH) {
+            *middle -= rest;
+        }
+        kernel.hold(&mut hold);
+        Self { acceleration, hold }
+    }
+}
+
+/// Windows over an axis and the gains of the recursion, computed once when parameters are put in force.
 ///
 /// A window of test function φ turns `J·v̇ = τ − Fc·s − o`, in which the axis slides in the direction `s` all the time
 /// and `τ` is everything known, into one row `∫τφ − J·∫q φ̈ = Fc·s + o`: nothing measured is differentiated. Windows
 /// overlap by half. Recursive least squares take the row in,
 /// `g = P·x/(1 + xᵀ·P·x)`, `θ ← θ + g·(y − xᵀθ)`, `P ← P − g·xᵀ·P`, with `x = (s, 1)`, `θ = (Fc, o)` and the row's noise
 /// as the unit of `P`.
+///
+/// # Counts that beat
+/// A window takes a position for several samples: their mean, as it does with torques. A single one would let the sawtooth
+/// that an encoder adds beat against the windows: at nearly a count a position it turns into a slow wave, which repeats from
+/// row to row where the recursion takes noise to be independent. The mean over those samples is zero for just the
+/// speeds at which they would beat; it is half of them behind the torque, less than a 64th of the window. What is left
+/// are speeds near a simple fraction of a count a *sample*, which no weight can tell from motion.
 ///
 /// # Forgetting without wind-up
 /// After each row, and never without one, a share of the prior comes back: `P ← P + (1 − λ)·(P₀ − P)`. As every `P` is
@@ -32,8 +63,6 @@ const PAUSE: i32 = REACH as i32 / 2;
 /// where the level is still wrong.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Rows<T> {
-    acceleration: [T; INTERVALS + 1],
-    hold: [T; INTERVALS],
     /// Samples of the controller to one of a window.
     every: i32,
     /// One over that.
@@ -56,6 +85,9 @@ pub(super) struct RowState<T> {
     since: i32,
     /// Sum of torques since then.
     sum: T,
+    /// What the encoder showed first since then, and the sum of what it has shown beyond that.
+    first: i32,
+    beyond: i32,
     /// What the encoder showed then.
     last: i32,
     /// Samples of windows since the encoder moved, and which way.
@@ -70,7 +102,7 @@ pub(super) struct RowState<T> {
 struct Window<T> {
     /// Samples taken; below zero until its turn comes.
     taken: i32,
-    start: i32,
+    start: Position<T>,
     torque: T,
     way: T,
     /// Direction all along, zero once that is lost.
@@ -81,7 +113,7 @@ impl<T: Scalar> Window<T> {
     fn new(taken: i32) -> Self {
         Self {
             taken,
-            start: 0,
+            start: Position::at(0),
             torque: T::ZERO,
             way: T::ZERO,
             direction: 0,
@@ -95,6 +127,8 @@ impl<T: Scalar> RowState<T> {
             windows: [Window::new(0), Window::new(-(REACH as i32))],
             since: 0,
             sum: T::ZERO,
+            first: 0,
+            beyond: 0,
             last: 0,
             idle: 0,
             direction: 0,
@@ -131,22 +165,9 @@ impl<T: Scalar> Rows<T> {
         let reach = T::from_i32(REACH as i32);
         let wide = adaptation.window.half() / period;
         let every = (wide / reach + T::ONE.half()).floor().max(1);
-        // In units of half a window all weights lie around 1.
-        let kernel = Kernel::new(REACH, T::ONE / reach);
-        let mut acceleration = [T::ZERO; INTERVALS + 1];
-        let mut hold = [T::ZERO; INTERVALS];
-        kernel.acceleration(&mut acceleration);
-        // Where a window starts must not matter: rounding and the trapezoidal rule leave a rest, which goes to the middle.
-        let rest = acceleration.iter().fold(T::ZERO, |sum, &w| sum + w);
-        if let Some(middle) = acceleration.get_mut(REACH) {
-            *middle -= rest;
-        }
-        kernel.hold(&mut hold);
         let half_width = reach * T::from_i32(every) * period;
         let certain = T::from_i32(16);
         Self {
-            acceleration,
-            hold,
             every,
             mean: T::ONE / T::from_i32(every),
             torque_per_count: inertia / half_width * (count / half_width),
@@ -157,8 +178,20 @@ impl<T: Scalar> Rows<T> {
     }
 
     /// Takes a sample in; where it completes a row, the level and the offset `(Fc, o)` are brought forward.
-    pub fn sample(&self, state: &mut RowState<T>, seen: Seen<T>, theta: &mut [T; 2]) {
+    pub fn sample(
+        &self,
+        weights: &Weights<T>,
+        state: &mut RowState<T>,
+        seen: Seen<T>,
+        theta: &mut [T; 2],
+    ) {
         state.sum += seen.torque;
+        if state.since == 0 {
+            state.first = seen.counts;
+            state.beyond = 0;
+        }
+        let beyond = seen.counts.wrapping_sub(state.first);
+        state.beyond = state.beyond.wrapping_add(beyond);
         state.since += 1;
         if state.since < self.every {
             return;
@@ -166,12 +199,13 @@ impl<T: Scalar> Rows<T> {
         let torque = state.sum * self.mean;
         state.sum = T::ZERO;
         state.since = 0;
+        let place = Position::at(state.first).moved(T::from_i32(state.beyond) * self.mean);
         let direction = state.direction(seen.counts);
         let RowState {
             windows, variance, ..
         } = state;
         for window in windows {
-            if let Some(row) = self.extend(window, seen.counts, torque, direction) {
+            if let Some(row) = self.extend(weights, window, place, torque, direction) {
                 self.learn(variance, row, theta);
             }
         }
@@ -180,8 +214,9 @@ impl<T: Scalar> Rows<T> {
     /// Adds a sample to a window; the row `(s, y)` if that was the last one of a window that counts.
     fn extend(
         &self,
+        weights: &Weights<T>,
         window: &mut Window<T>,
-        counts: i32,
+        place: Position<T>,
         torque: T,
         direction: i32,
     ) -> Option<(T, T)> {
@@ -191,15 +226,16 @@ impl<T: Scalar> Rows<T> {
         };
         window.taken += 1;
         if k == 0 {
-            window.start = counts;
+            window.start = place;
             window.direction = direction;
             return None;
         }
         if window.direction != direction {
             window.direction = 0;
         }
-        let way = T::from_i32(counts.wrapping_sub(window.start));
-        if let (Some(&hold), Some(&acceleration)) = (self.hold.get(k - 1), self.acceleration.get(k))
+        let way = place.minus(window.start);
+        if let (Some(&hold), Some(&acceleration)) =
+            (weights.hold.get(k - 1), weights.acceleration.get(k))
         {
             window.torque += hold * torque;
             window.way += acceleration * way;
@@ -211,7 +247,7 @@ impl<T: Scalar> Rows<T> {
         let force = window.torque - self.torque_per_count * window.way;
         // The next window of this turn begins where this one ends.
         *window = Window {
-            start: counts,
+            start: place,
             direction,
             ..Window::new(1)
         };
@@ -236,7 +272,7 @@ impl<T: Scalar> Rows<T> {
 
 #[cfg(test)]
 mod tests {
-    use super::{RowState, Rows, Seen};
+    use super::{RowState, Rows, Seen, Weights};
     use crate::control::{Adaptation, Learning};
     use crate::scalar::{Q16, Scalar};
 
@@ -274,7 +310,7 @@ mod tests {
         truth: impl Fn(f64) -> [f64; 2],
         one_way: bool,
     ) -> std::vec::Vec<([f64; 2], [f64; 3])> {
-        let mut state = RowState::new(rows);
+        let (weights, mut state) = (Weights::new(), RowState::new(rows));
         let mut theta = [T::ZERO; 2];
         let (mut q, mut v) = (0.0_f64, 0.0_f64);
         let mut out = std::vec::Vec::new();
@@ -296,7 +332,7 @@ mod tests {
                 counts: Scalar::floor(q / COUNT),
                 torque: T::from_f64(torque),
             };
-            rows.sample(&mut state, seen, &mut theta);
+            rows.sample(&weights, &mut state, seen, &mut theta);
             let [pc, po, pco] = state.variance.map(Scalar::to_f64);
             let prior = rows.prior.map(Scalar::to_f64);
             assert!(
@@ -326,23 +362,60 @@ mod tests {
         finds_both::<Q16>(0.015);
     }
 
+    /// The largest error of the level at a steady speed, in counts a sample, from the tenth row on.
+    fn steady<T: Scalar>(speed: f64) -> f64 {
+        let mut rows = rows::<T>(0.005, 0.1);
+        rows.least = T::ONE;
+        let (weights, mut state) = (Weights::new(), RowState::new(&rows));
+        let mut theta = [T::from_f64(0.5), T::ZERO];
+        let mut worst = 0.0_f64;
+        for k in 0..10_000 {
+            let seen = Seen {
+                counts: Scalar::floor(speed * f64::from(k)),
+                torque: T::from_f64(0.5),
+            };
+            rows.sample(&weights, &mut state, seen, &mut theta);
+            if k > 600 {
+                worst = worst.max((theta[0].to_f64() - 0.5).abs());
+            }
+        }
+        worst
+    }
+
+    #[test]
+    fn counts_do_not_beat_against_the_windows() {
+        // A position is taken for three samples. At 0.95 counts in three the counts of every third sample repeat after 60,
+        // just where a window of 96 is most sensitive: rows would be off by COUNT·J·max|φ̇| = 1e-4·0.1·2.1/0.048² ≈ 0.009 N·m,
+        // of which a quarter is believed again and again. The mean leaves a 20th of that wave (its response is
+        // sinc(0.95) ≈ 0.05), and the wave's third harmonic, which is as slow in single samples, leaves a ninth.
+        let beating = 0.009;
+        for speed in [0.95 / 3.0, 1.05 / 3.0, 1.95 / 3.0] {
+            for worst in [steady::<f64>(speed), steady::<f32>(speed)] {
+                assert!(worst < beating / 9.0, "{speed}: {worst}");
+            }
+        }
+        let worst = steady::<Q16>(0.95 / 3.0);
+        assert!(worst < beating / 9.0 + 0.002, "{worst}");
+    }
+
     #[test]
     fn what_changes_is_followed_and_what_rests_is_kept() {
         let rows = rows::<f64>(0.1, 0.0);
         let seen = run(&rows, 12, |t| [if t < 6.0 { 0.3 } else { 0.6 }, 0.0], false);
         assert!((seen[5].0[0] - 0.3).abs() < 0.03 && (seen[7].0[0] - 0.6).abs() < 0.04);
         // At rest nothing changes, neither level nor covariance, however hard friction is pushed.
-        let mut state = RowState::new(&rows);
+        let (weights, mut state) = (Weights::new(), RowState::new(&rows));
         let mut theta = [0.4, 0.0];
         let before = state.variance;
         for k in 0..100_000 {
             let torque = f64::from(k % 7);
-            rows.sample(&mut state, Seen { counts: 5, torque }, &mut theta);
+            rows.sample(&weights, &mut state, Seen { counts: 5, torque }, &mut theta);
             assert_eq!((theta, state.variance), ([0.4, 0.0], before));
         }
         // Nor where an encoder trembles between two counts.
         for k in 0..100_000 {
             rows.sample(
+                &weights,
                 &mut state,
                 Seen {
                     counts: k / 4 % 2,

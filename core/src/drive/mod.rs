@@ -105,6 +105,8 @@ pub enum Refusal {
     WriteFailed,
     /// Only an emulated board does this.
     NotEmulated,
+    /// The axis is running, and something that must stay then would change; disable it first.
+    Fixed,
 }
 
 /// Telemetry: one snapshot in so many periods.
@@ -319,11 +321,14 @@ impl<'a, T: Number> Drive<'a, T> {
         }
     }
 
-    /// Puts parameters in force; only while the axis is off.
+    /// Puts parameters in force from the next period on, all of them or none. While the axis runs, what [`parameters`] says must
+    /// stay then has to be as it is.
     pub fn set(&mut self, parameters: &Parameters<T>) -> Result<(), Refusal> {
-        self.must_not_run()?;
-        if !parameters.is_valid() {
+        if !parameters.limits.is_valid() {
             return Err(Refusal::Invalid);
+        }
+        if self.state == State::Running && !self.parameters.may_become(parameters) {
+            return Err(Refusal::Fixed);
         }
         let taken = self.controller.set_parameters(parameters.control);
         taken.map_err(|_| Refusal::Invalid)?;

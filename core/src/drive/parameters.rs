@@ -1,4 +1,19 @@
 //! Everything that a drive has to be told: one set, which is checked, sent, stored and put in force as a whole.
+//!
+//! # While the axis runs
+//! A set is taken under way if it leaves alone what must not change then; else it is refused for that reason
+//! ([`Refusal::Fixed`](super::Refusal::Fixed)) and changes nothing. It is in force from one control period to the next as a
+//! whole, and is not written to flash.
+//!
+//! | may change under way | may not | why not |
+//! | --- | --- | --- |
+//! | friction, effects, what is compensated and how | all of [`Limits`]: converters, current, voltages, jump, stall, timeouts | a fault that is in the making must not be argued away, and a scale that is wrong for one period is a fault |
+//! | gains and observer, for whose margins the host answers as it does at rest | period and count | what is remembered, and every set point on its way, is in these |
+//! | what is learned, how fast and within which bounds | gain and `back_emf` | the bridge turns torque into `u` by them: a sign would turn the axis round |
+//! | | the current loop | it holds the limit of the voltage, and its gains are the winding's |
+//! | inertia | `command_limit` and `torque_limit` | they protect the machine, whoever tunes it |
+//!
+//! What is remembered goes on as [`Controller::set_parameters`](crate::control::Controller::set_parameters) says.
 
 use serde::{Deserialize, Serialize};
 
@@ -57,6 +72,13 @@ pub struct Parameters<T> {
 }
 
 impl<T: Number> Parameters<T> {
+    /// Whether `next` leaves alone what must not change while the axis runs.
+    pub fn may_become(&self, next: &Self) -> bool {
+        self.limits == next.limits
+            && self.current == next.current
+            && self.control.is_same_drive(&next.control)
+    }
+
     /// Whether the set can be put in force.
     pub fn is_valid(&self) -> bool {
         self.limits.is_valid()

@@ -44,7 +44,7 @@ pub enum Command<T> {
     Clear,
     /// Asks for state, faults and counters.
     Status,
-    /// Puts parameters in force.
+    /// Puts parameters in force, whole; on a running axis only those that may change then: see [`crate::drive::parameters`].
     Set(Parameters<T>),
     /// Asks for those in force.
     Get,

@@ -158,7 +158,7 @@ mod tests {
         let mut other = Parameters::harmless();
         other.limits.jump = 1;
         for (command, why) in [
-            (Command::Set(other), Refusal::Running),
+            (Command::Set(other), Refusal::Fixed),
             (Command::Store, Refusal::Running),
             (Command::Enable, Refusal::Running),
             (Command::SetPoint(SetPoint::Off), Refusal::NotEmulated),

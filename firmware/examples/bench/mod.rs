@@ -5,7 +5,8 @@
 use core::hint::black_box;
 
 use bristle_core::control::{
-    Compensation, CurrentLoop, Driver, Friction, Harmonic, Learning, Method, Position, SetPoint,
+    self, Compensation, CurrentLoop, Driver, Friction, Harmonic, Learning, Method, Position,
+    SetPoint,
 };
 use bristle_core::drive::recorder::{Order, Trigger};
 use bristle_core::drive::signal::{Selection, Signal};
@@ -105,6 +106,19 @@ pub fn parameters() -> Parameters<Real> {
         limit: number(20.0, 1.0),
     });
     set
+}
+
+/// Knows the axis otherwise: by its integral gain, its friction and an offset, in turn one way and the other.
+#[allow(dead_code, reason = "only one of the images changes parameters")]
+pub fn retune(control: &mut control::Parameters<Real>) {
+    let other = parameters().control;
+    let turned = control.friction.coulomb != other.friction.coulomb;
+    *control = other;
+    if !turned {
+        control.velocity_integral = control.velocity_integral.half();
+        control.friction.coulomb = control.friction.coulomb.half();
+        control.effects.offset = number(0.01, FORCE);
+    }
 }
 
 /// An axis with Coulomb friction, in explicit steps: what it does hardly matters, as long as it moves and sticks.

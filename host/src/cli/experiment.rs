@@ -12,7 +12,7 @@ use super::{DONE, Outcome, terminal};
 use crate::error::{Error, Result};
 use crate::format::significant;
 use crate::report;
-use crate::trials::{self, Campaign, Claim, Experiment, Replayed, Summary, Trial, Verdict};
+use crate::trials::{self, Campaign, Claim, Experiment, OnBoard, Summary, Trial, Verdict};
 
 /// Run one of the source's experiments on many plants, with and without adaptation of friction
 ///
@@ -30,7 +30,10 @@ pub(super) struct Command {
     /// What plants and disturbances are drawn from
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Run the first plant once more on the firmware in QEMU, and compare every command
+    /// Which of the plants, counted from 0, the report draws and --qemu runs
+    #[arg(long, value_name = "NUMBER", default_value_t = 0)]
+    plant: u64,
+    /// Run that plant once more under the firmware in QEMU, new parameters under way included, and compare every command
     #[cfg(unix)]
     #[arg(long)]
     qemu: bool,
@@ -52,11 +55,13 @@ struct Experimented<'a> {
     schema: &'static str,
     experiment: Experiment,
     seed: u64,
+    /// The number of the plant that is drawn.
+    plant: u64,
     claims: Vec<Claim>,
     summaries: Vec<Summary>,
     plants: &'a [Trial],
-    /// What the firmware made of the first plant, with `--qemu`.
-    on_board: Option<Vec<Replayed>>,
+    /// What the firmware made of the plant that is drawn, with `--qemu`.
+    on_board: Option<Vec<OnBoard>>,
 }
 
 impl Command {
@@ -67,6 +72,12 @@ impl Command {
                 "--plants 0 runs nothing; ask for at least one".to_owned(),
             ));
         }
+        if self.plant >= self.plants {
+            return Err(Error::Usage(format!(
+                "--plant {}: there are {} plants, counted from 0; ask for one of them or for more --plants",
+                self.plant, self.plants
+            )));
+        }
         let progress = Meter::new();
         let (campaign, on_board) = self.campaign(&progress)?;
         progress.finish();
@@ -74,6 +85,7 @@ impl Command {
             schema: "bristle.experiment/1",
             experiment: self.experiment,
             seed: self.seed,
+            plant: self.plant,
             claims: campaign.claims(),
             summaries: summaries(&campaign),
             plants: &campaign.trials,
@@ -83,7 +95,7 @@ impl Command {
         outputs.add(self.json.as_ref(), || json(&experimented))?;
         outputs.add(self.report.as_ref(), || {
             let on_board = experimented.on_board.as_deref();
-            report::experiment(&campaign, on_board, self.seed)
+            report::experiment(&campaign, on_board)
         })?;
         let written = outputs.write()?;
         print(&experimented);
@@ -96,9 +108,9 @@ impl Command {
         self.image.as_deref().into_iter().collect()
     }
 
-    /// All plants, and the runs of the first one on the firmware if asked for.
+    /// All plants, and the runs of the one that is drawn under the firmware if asked for.
     #[cfg(unix)]
-    fn campaign(&self, progress: &Meter) -> Result<(Campaign, Option<Vec<Replayed>>)> {
+    fn campaign(&self, progress: &Meter) -> Result<(Campaign, Option<Vec<OnBoard>>)> {
         use crate::emulate::{Board, Launch, Transport};
         use crate::image::F405;
         if !self.qemu {
@@ -109,8 +121,8 @@ impl Command {
         let mut board = Board::boot(&image, Launch::F405, Transport::Fast)?;
         let campaign = self.plants(progress)?;
         progress.say("running the firmware");
-        let replayed = trials::replay(&campaign, &mut board)?;
-        Ok((campaign, Some(replayed)))
+        let on_board = trials::on_board(&campaign, &mut board)?;
+        Ok((campaign, Some(on_board)))
     }
 
     /// There is no emulated board here.
@@ -120,13 +132,13 @@ impl Command {
     }
 
     #[cfg(not(unix))]
-    fn campaign(&self, progress: &Meter) -> Result<(Campaign, Option<Vec<Replayed>>)> {
+    fn campaign(&self, progress: &Meter) -> Result<(Campaign, Option<Vec<OnBoard>>)> {
         Ok((self.plants(progress)?, None))
     }
 
     fn plants(&self, progress: &Meter) -> Result<Campaign> {
         progress.say("running plants");
-        trials::run(self.experiment, self.plants, self.seed)
+        trials::run(self.experiment, self.plants, self.seed, self.plant)
     }
 }
 
@@ -185,10 +197,14 @@ fn print(e: &Experimented) {
     }
     for run in e.on_board.iter().flatten() {
         anstream::println!(
-            "firmware in QEMU, first plant, {}: {} of {} commands are the host's, bit for bit",
+            "firmware in QEMU, plant {}, {}: RMS error {} (host {}), {} of {} periods are the host's bit for bit, {} sets of parameters under way",
+            e.plant,
             run.way.name(),
+            significant(run.firmware.rms, 3),
+            significant(run.host.rms, 3),
             run.equal,
-            run.periods
+            run.periods,
+            run.sets
         );
     }
 }

@@ -44,6 +44,15 @@ impl<T: Number> OnHost<T> {
         let mailbox = Mailbox::new();
         Ok(Self { drive, mailbox })
     }
+
+    /// Other parameters from the next period on, as a board takes them while it is on.
+    pub fn set(&mut self, parameters: &Parameters<T>) -> Result<()> {
+        self.drive.set(parameters).map_err(|why| {
+            Error::Usage(format!(
+                "the drive does not take the parameters under way: {why:?}"
+            ))
+        })
+    }
 }
 
 impl<T: Number> Driver<T> for OnHost<T> {

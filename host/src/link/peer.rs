@@ -185,7 +185,10 @@ impl<T: Number, W: Wire> Peer<T, W> {
     /// aside.
     pub fn poll(&mut self) -> Result<(Vec<Report<T>>, bool)> {
         let before = self.telemetry.len();
-        self.fill()?;
+        // What came with an answer has been waiting already.
+        if self.reports.is_empty() {
+            self.fill()?;
+        }
         let reports: Vec<Report<T>> = std::iter::from_fn(|| self.next()).collect();
         let heard = !reports.is_empty() || self.telemetry.len() > before;
         Ok((reports, heard))

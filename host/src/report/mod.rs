@@ -34,7 +34,7 @@ use crate::error::{Error, Result};
 use crate::experiment::NextExperiment;
 use crate::identify::{Identified, Workbench};
 use crate::recording::Recording;
-use crate::trials::{Campaign, Replayed};
+use crate::trials::{Campaign, OnBoard};
 use page::Page;
 
 /// The HTML text of a diagnosis. Fails only if a model has no values, or on a defect.
@@ -69,10 +69,10 @@ pub fn study(
     render(&study::page(study, identified, bench, recordings))
 }
 
-/// The HTML text of an experiment, and of what the firmware made of its first plant where it was asked. Fails only on a
+/// The HTML text of an experiment, and of what the firmware made of a plant where it was asked. Fails only on a
 /// defect.
-pub fn experiment(campaign: &Campaign, on_board: Option<&[Replayed]>, seed: u64) -> Result<String> {
-    render(&trials::page(campaign, on_board, seed))
+pub fn experiment(campaign: &Campaign, on_board: Option<&[OnBoard]>) -> Result<String> {
+    render(&trials::page(campaign, on_board))
 }
 
 /// The HTML text of the whole loop. Fails only on a defect.

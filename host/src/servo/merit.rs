@@ -78,24 +78,14 @@ pub fn settled(samples: &[Sample], count: f64) -> (f64, f64) {
 
 #[cfg(test)]
 mod tests {
-    use bristle_core::control::{Output, Position};
-
     use super::{peak, rms, settled, step};
-    use crate::servo::{Aim, Sample};
+    use crate::servo::{Act, Aim, Sample};
     use crate::step::State;
 
     fn sample(aim: f64, q: f64) -> Sample {
-        let output = Output {
+        let act = Act {
             command: 0.0,
-            torque: 0.0,
-            saturated: false,
-            finite: true,
-            error: 0.0,
-            position: Position::at(0),
-            velocity: 0.0,
-            friction: 0.0,
             coulomb: 0.0,
-            offset: 0.0,
         };
         Sample {
             aim: Aim::Position {
@@ -105,7 +95,7 @@ mod tests {
             },
             truth: State { q, v: 0.0 },
             counts: (q / 0.1).floor() as i32,
-            output,
+            act,
         }
     }
 

@@ -5,7 +5,7 @@ mod merit;
 pub use merit::{Step, peak, rms, settled, step};
 
 use bristle_core::Scalar;
-use bristle_core::control::{Controller, Output, Parameters, Position, SetPoint};
+use bristle_core::control::{Controller, Parameters, Position, SetPoint};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -37,6 +37,55 @@ pub enum Aim {
     },
 }
 
+/// What a controller makes of a sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Act {
+    /// `u` until the next sample.
+    pub command: f32,
+    /// Coulomb level, adapted or as given, N·m or N.
+    pub coulomb: f32,
+}
+
+/// What controls a plant: the controller on the host, or a board that runs it.
+pub trait Control {
+    /// One sample.
+    fn step(&mut self, counts: i32, set_point: SetPoint<f32>) -> Result<Act>;
+    /// Other parameters from the next sample on.
+    fn set(&mut self, parameters: &Parameters<f32>) -> Result<()>;
+}
+
+impl Control for Controller<f32> {
+    fn step(&mut self, counts: i32, set_point: SetPoint<f32>) -> Result<Act> {
+        let output = Controller::step(self, counts, set_point);
+        Ok(Act {
+            command: output.command,
+            coulomb: output.coulomb,
+        })
+    }
+
+    fn set(&mut self, parameters: &Parameters<f32>) -> Result<()> {
+        self.set_parameters(*parameters)
+            .map_err(|e| Error::Internal(format!("parameters were refused: {e}")))
+    }
+}
+
+/// Makes what controls a plant that is at rest where the encoder shows zero.
+pub trait Make {
+    /// With these parameters.
+    fn control<'a>(&'a mut self, parameters: &Parameters<f32>) -> Result<Box<dyn Control + 'a>>;
+}
+
+/// Controllers on the host.
+pub struct OnHost;
+
+impl Make for OnHost {
+    fn control<'a>(&'a mut self, parameters: &Parameters<f32>) -> Result<Box<dyn Control + 'a>> {
+        let controller = Controller::new(*parameters, 0)
+            .map_err(|e| Error::Internal(format!("a controller was refused: {e}")))?;
+        Ok(Box::new(controller))
+    }
+}
+
 /// A sample of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
@@ -47,15 +96,14 @@ pub struct Sample {
     /// Encoder counts.
     pub counts: i32,
     /// What the controller made of them.
-    pub output: Output<f32>,
+    pub act: Act,
 }
 
-/// A plant and its controller, sample by sample.
-pub struct Servo {
+/// A plant and what controls it, sample by sample.
+pub struct Servo<'a> {
     plant: Box<dyn Plant>,
-    controller: Controller<f32>,
+    control: Box<dyn Control + 'a>,
     parameters: Parameters<f64>,
-    changed: bool,
     t: Vec<f64>,
     u: Vec<f64>,
     samples: Vec<Sample>,
@@ -70,22 +118,20 @@ pub fn single(parameters: &Parameters<f64>) -> Result<Parameters<f32>> {
         .map_err(|e| Error::Usage(format!("the controller cannot hold its parameters: {e}")))
 }
 
-impl Servo {
-    /// A plant at rest at zero. `load_noise` is the RMS of a torque or force that acts on it and nobody knows, N·m or N,
-    /// drawn from `seed`.
+impl<'a> Servo<'a> {
+    /// A plant at rest at zero, under what `make` makes. `load_noise` is the RMS of a torque or force that acts on it and
+    /// nobody knows, N·m or N, drawn from `seed`.
     pub fn new(
+        make: &'a mut dyn Make,
         model: &Model,
         parameters: &Parameters<f64>,
         load_noise: f64,
         seed: u64,
     ) -> Result<Self> {
-        let controller = Controller::new(single(parameters)?, 0)
-            .map_err(|e| Error::Internal(format!("a controller was refused: {e}")))?;
         Ok(Self {
             plant: plant::new(model)?,
-            controller,
+            control: make.control(&single(parameters)?)?,
             parameters: *parameters,
-            changed: false,
             t: vec![0.0],
             u: Vec::new(),
             samples: Vec::new(),
@@ -107,11 +153,8 @@ impl Servo {
 
     /// Other parameters for the controller from the next sample on.
     pub fn change_parameters(&mut self, parameters: &Parameters<f64>) -> Result<()> {
-        self.changed |= self.parameters != *parameters;
         self.parameters = *parameters;
-        self.controller
-            .set_parameters(single(parameters)?)
-            .map_err(|e| Error::Internal(format!("parameters were refused: {e}")))
+        self.control.set(&single(parameters)?)
     }
 
     /// Time of the next sample, s.
@@ -120,27 +163,23 @@ impl Servo {
     }
 
     /// Takes a sample and goes on to the next.
-    pub fn step(&mut self, aim: Aim) {
+    pub fn step(&mut self, aim: Aim) -> Result<()> {
         let k = self.u.len();
         let truth = self.plant.measured();
         let count = self.parameters.count;
         let counts = Scalar::floor(truth.q / count);
-        let output = self.controller.step(counts, set_point(aim, count));
+        let act = self.control.step(counts, set_point(aim, count))?;
         self.samples.push(Sample {
             aim,
             truth,
             counts,
-            output,
+            act,
         });
-        self.u.push(f64::from(output.command));
+        self.u.push(f64::from(act.command));
         self.t.push((k + 1) as f64 * self.parameters.period);
         let load = self.load_noise * ((0..12).map(|_| self.rng.random::<f64>()).sum::<f64>() - 6.0);
         self.plant.advance(&self.t, &self.u, k, load);
-    }
-
-    /// The controller's parameters, if they have been the same throughout.
-    pub fn parameters(&self) -> Option<&Parameters<f64>> {
-        (!self.changed).then_some(&self.parameters)
+        Ok(())
     }
 
     /// Everything so far.
@@ -181,7 +220,7 @@ pub fn set_point(aim: Aim, count: f64) -> SetPoint<f32> {
 
 #[cfg(test)]
 mod tests {
-    use super::{Aim, Servo, rms};
+    use super::{Aim, OnHost, Servo, rms};
     use crate::model::Model;
     use crate::tune::{Wish, parameters};
 
@@ -211,18 +250,19 @@ mod tests {
             current: None,
         };
         let tuned = parameters(&model, &wish).unwrap();
-        let mut servo = Servo::new(&model, &tuned, 0.0, 1).unwrap();
+        let mut host = OnHost;
+        let mut servo = Servo::new(&mut host, &model, &tuned, 0.0, 1).unwrap();
         for k in 0..6000 {
             if k == 3000 {
                 servo
                     .change_plant(&Model::parse(&text(0.2)).unwrap())
                     .unwrap();
             }
-            servo.step(aim(f64::from(k) * 1e-3));
+            servo.step(aim(f64::from(k) * 1e-3)).unwrap();
         }
         let samples = servo.samples();
-        assert!((f64::from(samples[2999].output.coulomb) - 0.1).abs() < 0.01);
-        assert!((f64::from(samples[5999].output.coulomb) - 0.2).abs() < 0.02);
+        assert!((f64::from(samples[2999].act.coulomb) - 0.1).abs() < 0.01);
+        assert!((f64::from(samples[5999].act.coulomb) - 0.2).abs() < 0.02);
         assert!(rms(&samples[4500..]) < tuned.count);
         let recording = servo.recording(1.0, 3.0);
         assert_eq!((recording.t[0], recording.len()), (1.0, 2000));

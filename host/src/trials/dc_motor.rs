@@ -18,7 +18,7 @@ use super::{
 };
 use crate::error::{Error, Result};
 use crate::model::Model;
-use crate::servo::{Aim, Servo};
+use crate::servo::{Aim, Make, Servo};
 use crate::tune::{Wish, parameters};
 
 const WISH: Wish = Wish {
@@ -120,7 +120,7 @@ fn tuned(model: &Model) -> Result<Parameters<f64>> {
     Ok(tuned)
 }
 
-pub(super) fn play(number: u64, mut rng: ChaCha8Rng) -> Result<Played> {
+pub(super) fn play(number: u64, mut rng: ChaCha8Rng, make: &mut dyn Make) -> Result<Played> {
     let drawn = Drawn::new(&mut rng);
     let seed = rng.random();
     let bench = Bench {
@@ -140,10 +140,10 @@ pub(super) fn play(number: u64, mut rng: ChaCha8Rng) -> Result<Played> {
         } else {
             start
         };
-        let mut servo = Servo::new(&drawn.model(0)?, &first, DISTURBANCE * RATED, seed)?;
-        run(&mut servo, &drawn, STRETCH);
+        let mut servo = Servo::new(make, &drawn.model(0)?, &first, DISTURBANCE * RATED, seed)?;
+        run(&mut servo, &drawn, STRETCH)?;
         servo.change_plant(&drawn.model(1)?)?;
-        run(&mut servo, &drawn, 2.0 * STRETCH);
+        run(&mut servo, &drawn, 2.0 * STRETCH)?;
         if way == Way::Reidentified {
             let inertia = before.inertia.value.unwrap_or_default();
             let again = found(
@@ -158,7 +158,7 @@ pub(super) fn play(number: u64, mut rng: ChaCha8Rng) -> Result<Played> {
                 }
             }
         }
-        run(&mut servo, &drawn, END);
+        run(&mut servo, &drawn, END)?;
         merits.push(tracked(way, servo.samples(), &layout, END));
         shown.push(Shown::of(way, &servo));
     }
@@ -174,8 +174,9 @@ pub(super) fn play(number: u64, mut rng: ChaCha8Rng) -> Result<Played> {
     })
 }
 
-fn run(servo: &mut Servo, drawn: &Drawn, until: f64) {
+fn run(servo: &mut Servo<'_>, drawn: &Drawn, until: f64) -> Result<()> {
     while servo.now() < until - 1e-9 {
-        servo.step(drawn.aim(servo.now()));
+        servo.step(drawn.aim(servo.now()))?;
     }
+    Ok(())
 }

@@ -21,7 +21,7 @@ pub(super) struct Finish {
 
 impl Finish {
     /// Runs to the end.
-    pub fn run(&self, servo: &mut Servo) -> Result<()> {
+    pub fn run(&self, servo: &mut Servo<'_>) -> Result<()> {
         let here = servo.samples().last().map_or(0.0, |s| s.truth.q);
         // In the middle of counts, as an encoder would be asked for.
         let middle = |q: f64| ((q / self.count).floor() + 0.5) * self.count;
@@ -32,7 +32,7 @@ impl Finish {
             a: 0.0,
         };
         while servo.now() < self.until[0] - 1e-9 {
-            servo.step(still);
+            servo.step(still)?;
         }
         let [from, to] = [top, start].map(|q| Position::from_f64(q / self.count));
         let mut profile = Profile::new(from, to, self.count, &self.limits, self.period)
@@ -45,7 +45,7 @@ impl Finish {
             } = profile.step()
             {
                 let q = (f64::from(position.counts) + position.fraction) * self.count;
-                servo.step(Aim::Position { q, v, a });
+                servo.step(Aim::Position { q, v, a })?;
             }
         }
         Ok(())

@@ -19,7 +19,7 @@ use super::{
 };
 use crate::error::{Error, Result};
 use crate::model::Model;
-use crate::servo::{Aim, Servo, settled, step};
+use crate::servo::{Aim, Make, Servo, settled, step};
 use crate::tune::{Wish, parameters};
 
 const WISH: Wish = Wish {
@@ -137,18 +137,18 @@ fn parse(text: &str) -> Result<Model> {
     Model::parse(text).map_err(Error::Internal)
 }
 
-pub(super) fn play(number: u64, mut rng: ChaCha8Rng) -> Result<Played> {
+pub(super) fn play(number: u64, mut rng: ChaCha8Rng, make: &mut dyn Make) -> Result<Played> {
     let drawn = Drawn::new(&mut rng);
     let seed = rng.random();
     let mut identified = Vec::new();
     let (mut merits, mut shown) = (Vec::new(), Vec::new());
     for way in [Way::Classic, Way::OffLine, Way::Tuned, Way::SelfTuned] {
         let first = classic(&tuned(&parse(CATALOGUE)?)?);
-        let mut servo = Servo::new(&drawn.model(0)?, &first, DISTURBANCE, seed)?;
+        let mut servo = Servo::new(make, &drawn.model(0)?, &first, DISTURBANCE, seed)?;
         for stretch in 1..=4_u8 {
             let until = f64::from(stretch) * STRETCH;
             while servo.now() < until - 1e-9 {
-                servo.step(drawn.aim(servo.now()));
+                servo.step(drawn.aim(servo.now()))?;
             }
             let changed = usize::from(stretch > 2);
             let asks = match way {
@@ -203,7 +203,7 @@ pub(super) fn play(number: u64, mut rng: ChaCha8Rng) -> Result<Played> {
     })
 }
 
-fn judge(way: Way, servo: &Servo) -> Merit {
+fn judge(way: Way, servo: &Servo<'_>) -> Merit {
     let (samples, layout) = (servo.samples(), layout());
     let (standstill, travel) = settled(between(samples, [END - 1.0, END], PERIOD), layout.count);
     Merit {

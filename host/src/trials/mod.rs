@@ -13,7 +13,7 @@ mod srv02;
 mod summary;
 
 #[cfg(unix)]
-pub use on_board::replay;
+pub use on_board::on_board;
 pub use summary::{Claim, Spread, Summary, Verdict};
 
 use bristle_core::control::Parameters;
@@ -27,7 +27,7 @@ use crate::error::Result;
 use crate::identify::{Options, identify};
 use crate::model::{Model, Parameter, Status};
 use crate::recording::Recording;
-use crate::servo::{Sample, Servo, Step};
+use crate::servo::{Make, OnHost, Sample, Servo, Step};
 
 /// Which experiment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
@@ -116,37 +116,44 @@ pub struct Trial {
 pub struct Shown {
     /// Which way.
     pub way: Way,
-    /// The controller's parameters, if they were the same throughout.
-    pub parameters: Option<Parameters<f64>>,
     /// Its samples.
     pub samples: Vec<Sample>,
 }
 
 impl Shown {
-    fn of(way: Way, servo: &Servo) -> Self {
+    fn of(way: Way, servo: &Servo<'_>) -> Self {
         Self {
             way,
-            parameters: servo.parameters().copied(),
             samples: servo.samples().to_vec(),
         }
     }
 }
 
-/// A run on the board beside that on the host.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub struct Replayed {
+/// A run under the firmware beside that on the host.
+#[derive(Clone, Debug, Serialize)]
+pub struct OnBoard {
     /// Which way.
     pub way: Way,
     /// Control periods.
     pub periods: usize,
-    /// How many of the commands are the same bits.
+    /// In how many of them counts, command and Coulomb level are the same bits.
     pub equal: usize,
+    /// Sets of parameters that the running board took.
+    pub sets: usize,
+    /// What the firmware achieved.
+    pub firmware: Merit,
+    /// What the host achieved.
+    pub host: Merit,
 }
 
 /// All plants of an experiment.
 pub struct Campaign {
     /// Which experiment.
     pub experiment: Experiment,
+    /// What its plants were drawn from.
+    pub seed: u64,
+    /// The number of the plant whose runs these are.
+    pub drawn: u64,
     /// Sampling period, s.
     pub period: f64,
     /// rad or m to an encoder count.
@@ -157,9 +164,9 @@ pub struct Campaign {
     pub judged: Vec<[f64; 2]>,
     /// Every plant.
     pub trials: Vec<Trial>,
-    /// The runs of the first plant.
+    /// The runs of that plant.
     pub shown: Vec<Shown>,
-    /// The first plant's true levels over time, one to a sample.
+    /// That plant's true levels over time, one to a sample.
     pub truth: Vec<f64>,
 }
 
@@ -179,8 +186,8 @@ fn levels_over(levels: &[f64], changes: &[f64], end: f64, period: f64) -> Vec<f6
         .collect()
 }
 
-/// Draws a plant and runs it under every way.
-type Play = fn(u64, ChaCha8Rng) -> Result<Played>;
+/// Draws a plant and runs it under every way, by what is made to control it.
+type Play = fn(u64, ChaCha8Rng, &mut dyn Make) -> Result<Played>;
 
 /// What all plants of an experiment have in common.
 struct Layout {
@@ -190,33 +197,47 @@ struct Layout {
     judged: Vec<[f64; 2]>,
 }
 
-/// Runs an experiment on `plants` plants drawn from `seed`, on all cores.
-pub fn run(experiment: Experiment, plants: u64, seed: u64) -> Result<Campaign> {
-    let (layout, play): (Layout, Play) = match experiment {
-        Experiment::Srv02 => (srv02::layout(), srv02::play),
-        Experiment::DcMotor => (dc_motor::layout(), dc_motor::play),
-        Experiment::MassSpring => (mass_spring::layout(), mass_spring::play),
-    };
+impl Experiment {
+    fn parts(self) -> (Layout, Play) {
+        match self {
+            Self::Srv02 => (srv02::layout(), srv02::play),
+            Self::DcMotor => (dc_motor::layout(), dc_motor::play),
+            Self::MassSpring => (mass_spring::layout(), mass_spring::play),
+        }
+    }
+
+    /// One plant of those drawn from `seed`.
+    fn play(self, plant: u64, seed: u64, make: &mut dyn Make) -> Result<Played> {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        rng.set_stream(plant);
+        self.parts().1(plant, rng, make)
+    }
+}
+
+/// Runs an experiment on `plants` plants drawn from `seed`, on all cores, and keeps the runs of the one with the number
+/// `drawn`.
+pub fn run(experiment: Experiment, plants: u64, seed: u64, drawn: u64) -> Result<Campaign> {
+    let layout = experiment.parts().0;
     let played: Vec<(Trial, Option<Played>)> = (0..plants)
         .into_par_iter()
         .map(|plant| {
-            let mut rng = ChaCha8Rng::seed_from_u64(seed);
-            rng.set_stream(plant);
-            let played = play(plant, rng)?;
-            // Only the first is drawn; the samples of all would fill the memory.
-            Ok((played.trial.clone(), (plant == 0).then_some(played)))
+            let played = experiment.play(plant, seed, &mut OnHost)?;
+            // Only one is drawn; the samples of all would fill the memory.
+            Ok((played.trial.clone(), (plant == drawn).then_some(played)))
         })
         .collect::<Result<_>>()?;
     let mut trials = Vec::new();
     let (mut shown, mut truth) = (Vec::new(), Vec::new());
-    for (trial, first) in played {
+    for (trial, kept) in played {
         trials.push(trial);
-        if let Some(first) = first {
-            (shown, truth) = (first.shown, first.truth);
+        if let Some(kept) = kept {
+            (shown, truth) = (kept.shown, kept.truth);
         }
     }
     Ok(Campaign {
         experiment,
+        seed,
+        drawn,
         period: layout.period,
         count: layout.count,
         changes: layout.changes,
@@ -241,10 +262,7 @@ fn tracked(way: Way, samples: &[Sample], layout: &Layout, end: f64) -> Merit {
         .flat_map(|&times| between(samples, times, layout.period).to_vec())
         .collect();
     let all = between(samples, [0.0, end], layout.period);
-    let effort: f64 = all
-        .iter()
-        .map(|s| f64::from(s.output.command).powi(2))
-        .sum();
+    let effort: f64 = all.iter().map(|s| f64::from(s.act.command).powi(2)).sum();
     Merit {
         way,
         rms: crate::servo::rms(&judged),
@@ -270,7 +288,7 @@ fn convergence(samples: &[Sample], truth: &[f64], layout: &Layout, end: f64) -> 
     for pair in instants.windows(2) {
         let at = |t: f64| ((t / layout.period).round() as usize).min(samples.len());
         let stretch = at(pair[0])..at(pair[1]);
-        let off = |k: usize| (f64::from(samples[k].output.coulomb) / truth[k] - 1.0).abs() > NEAR;
+        let off = |k: usize| (f64::from(samples[k].act.coulomb) / truth[k] - 1.0).abs() > NEAR;
         let last = stretch.clone().rev().find(|&k| off(k));
         if last == Some(stretch.end - 1) {
             return None;

@@ -21,7 +21,7 @@ use super::{
 };
 use crate::error::{Error, Result};
 use crate::model::Model;
-use crate::servo::{Aim, Servo, settled, step};
+use crate::servo::{Aim, Make, Servo, settled, step};
 use crate::tune::{Drive, Wish, parameters};
 
 const WISH: Wish = Wish {
@@ -178,7 +178,7 @@ fn identified(drawn: &Drawn, seed: u64) -> Result<Model> {
     commission(&truth, &asked, &WISH, &bench)
 }
 
-pub(super) fn play(number: u64, mut rng: ChaCha8Rng) -> Result<Played> {
+pub(super) fn play(number: u64, mut rng: ChaCha8Rng, make: &mut dyn Make) -> Result<Played> {
     let drawn = Drawn::new(&mut rng);
     let seed = rng.random();
     let model = identified(&drawn, seed)?;
@@ -197,7 +197,7 @@ pub(super) fn play(number: u64, mut rng: ChaCha8Rng) -> Result<Played> {
     let truth = levels_over(&drawn.levels, &CHANGES, ENDS[3], PERIOD);
     let (mut merits, mut shown) = (Vec::new(), Vec::new());
     for (way, parameters) in ways {
-        let servo = drive(&drawn, &parameters, seed)?;
+        let servo = drive(make, &drawn, &parameters, seed)?;
         merits.push(judge(way, &servo, &truth));
         shown.push(Shown::of(way, &servo));
     }
@@ -213,15 +213,26 @@ pub(super) fn play(number: u64, mut rng: ChaCha8Rng) -> Result<Played> {
     })
 }
 
-fn drive(drawn: &Drawn, parameters: &Parameters<f64>, seed: u64) -> Result<Servo> {
-    let mut servo = Servo::new(&drawn.model(0)?, parameters, DISTURBANCE * RATED, seed)?;
+fn drive<'a>(
+    make: &'a mut dyn Make,
+    drawn: &Drawn,
+    parameters: &Parameters<f64>,
+    seed: u64,
+) -> Result<Servo<'a>> {
+    let mut servo = Servo::new(
+        make,
+        &drawn.model(0)?,
+        parameters,
+        DISTURBANCE * RATED,
+        seed,
+    )?;
     let mut changes = 0;
     while servo.now() < ENDS[1] - 1e-9 {
         if changes < CHANGES.len() && servo.now() >= CHANGES[changes] - 1e-9 {
             changes += 1;
             servo.change_plant(&drawn.model(changes)?)?;
         }
-        servo.step(drawn.track(servo.now()));
+        servo.step(drawn.track(servo.now()))?;
     }
     let finish = Finish {
         step: STEP,
@@ -238,7 +249,7 @@ fn drive(drawn: &Drawn, parameters: &Parameters<f64>, seed: u64) -> Result<Servo
     Ok(servo)
 }
 
-fn judge(way: Way, servo: &Servo, truth: &[f64]) -> Merit {
+fn judge(way: Way, servo: &Servo<'_>, truth: &[f64]) -> Merit {
     let (samples, layout) = (servo.samples(), layout());
     let learned = matches!(way, Way::Observer | Way::Rows);
     let (standstill, travel) = settled(

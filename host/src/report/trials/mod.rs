@@ -5,7 +5,7 @@ mod plots;
 use super::page::{Figure, Item, Page, Role, Section, Table};
 use crate::format::{quantity, scaled_unit, significant, unit};
 use crate::servo::{Aim, Sample};
-use crate::trials::{Campaign, Claim, Experiment, Replayed, Shown, Spread, Summary, Verdict};
+use crate::trials::{Campaign, Claim, Experiment, Merit, OnBoard, Shown, Spread, Summary, Verdict};
 use plots::{over_time, plants, tracking_range};
 
 /// Where adaptation is all that differs.
@@ -57,7 +57,7 @@ fn words(experiment: Experiment) -> Words {
 }
 
 /// The page.
-pub(super) fn page(campaign: &Campaign, on_board: Option<&[Replayed]>, seed: u64) -> Page {
+pub(super) fn page(campaign: &Campaign, on_board: Option<&[OnBoard]>) -> Page {
     let words = words(campaign.experiment);
     let claims = campaign.claims();
     let summaries: Vec<Summary> = campaign
@@ -70,7 +70,11 @@ pub(super) fn page(campaign: &Campaign, on_board: Option<&[Replayed]>, seed: u64
         facts: vec![
             [
                 "Plants".to_owned(),
-                format!("{}, drawn from seed {seed}", campaign.trials.len()),
+                format!(
+                    "{}, drawn from seed {}",
+                    campaign.trials.len(),
+                    campaign.seed
+                ),
             ],
             [
                 "Controller".to_owned(),
@@ -94,10 +98,15 @@ pub(super) fn page(campaign: &Campaign, on_board: Option<&[Replayed]>, seed: u64
                 items: over_plants(campaign, &summaries, &words),
             },
             Section {
-                title: "One plant".to_owned(),
+                title: format!("Plant {}", campaign.drawn),
                 items: one_plant(campaign, &words)
                     .into_iter()
-                    .chain(on_board.map(firmware).into_iter().flatten())
+                    .chain(
+                        on_board
+                            .map(|runs| firmware(runs, &words))
+                            .into_iter()
+                            .flatten(),
+                    )
                     .collect(),
             },
             Section {
@@ -109,23 +118,75 @@ pub(super) fn page(campaign: &Campaign, on_board: Option<&[Replayed]>, seed: u64
     }
 }
 
-/// The runs of the plant above on the firmware.
-fn firmware(runs: &[Replayed]) -> Vec<Item> {
-    let row = |run: &Replayed| {
-        let cells = [run.equal, run.periods].map(|n| n.to_string());
-        let [equal, periods] = cells;
-        vec![run.way.name().to_owned(), equal, periods]
-    };
-    let note = "The same encoder counts and set points, given to the firmware in QEMU period by period. Where every command is the host's, bit for bit, the plant moves the same, so this is the same run in closed loop. Ways whose parameters change under way are left out: a board takes new parameters only while it is off.";
+/// A figure of merit, by name.
+type Figured<'a> = (&'a str, &'a dyn Fn(&Merit) -> Option<f64>, &'a str);
+
+/// The runs of the plant above under the firmware, beside those on the host.
+fn firmware(runs: &[OnBoard], words: &Words) -> Vec<Item> {
+    let note = "The same plant under the firmware in QEMU: it gets encoder counts and set points period by period, its commands move the plant, DBI sees what came of it, and what is identified goes to the board while the axis runs. Equal are the periods in which counts, command and Coulomb level are the host's, bit for bit.";
+    let merits: [Figured; 6] = [
+        ("RMS error", &|m| Some(m.rms), words.si),
+        ("Peak error", &|m| Some(m.peak), words.si),
+        ("RMS of the command", &|m| Some(m.effort), words.command),
+        (
+            "Settling of a step within 2 %",
+            &|m| Some(m.step?.settling),
+            "s",
+        ),
+        ("Error at standstill", &|m| m.standstill, "counts"),
+        ("Time to converge", &|m| m.convergence, "s"),
+    ];
+    let mut rows = Vec::new();
+    for run in runs {
+        for (name, merit, si) in merits {
+            let both = [merit(&run.firmware), merit(&run.host)];
+            if both == [None, None] {
+                continue;
+            }
+            let told = |x: Option<f64>| {
+                x.map_or_else(
+                    || "–".to_owned(),
+                    |x| {
+                        let (factor, unit) = scaled_unit(x, si);
+                        quantity(factor * x, &unit)
+                    },
+                )
+            };
+            let [firmware, host] = both.map(told);
+            rows.push(vec![
+                run.way.name().to_owned(),
+                name.to_owned(),
+                firmware,
+                host,
+            ]);
+        }
+        rows.push(vec![
+            run.way.name().to_owned(),
+            "Equal periods".to_owned(),
+            run.equal.to_string(),
+            format!("of {}", run.periods),
+        ]);
+        rows.push(vec![
+            run.way.name().to_owned(),
+            "Sets of parameters while running".to_owned(),
+            run.sets.to_string(),
+            "–".to_owned(),
+        ]);
+    }
     vec![
         Item::Text {
             text: note.to_owned(),
         },
         Item::Table(Table {
-            columns: ["On the firmware", "Commands that are the host's", "of"]
-                .map(str::to_owned)
-                .to_vec(),
-            rows: runs.iter().map(row).collect(),
+            columns: [
+                "Friction",
+                "On this plant",
+                "On the firmware",
+                "On the host",
+            ]
+            .map(str::to_owned)
+            .to_vec(),
+            rows,
         }),
     ]
 }
@@ -293,12 +354,12 @@ fn one_plant(campaign: &Campaign, words: &Words) -> Vec<Item> {
                     (
                         "without",
                         Role::Before,
-                        series(alone, |s| f64::from(s.output.command)),
+                        series(alone, |s| f64::from(s.act.command)),
                     ),
                     (
                         "with",
                         Role::After,
-                        series(shown, |s| f64::from(s.output.command)),
+                        series(shown, |s| f64::from(s.act.command)),
                     ),
                 ],
             ),
@@ -311,7 +372,7 @@ fn one_plant(campaign: &Campaign, words: &Words) -> Vec<Item> {
                     (
                         "in the controller",
                         Role::After,
-                        series(shown, |s| f64::from(s.output.coulomb)),
+                        series(shown, |s| f64::from(s.act.coulomb)),
                     ),
                 ],
             ),
