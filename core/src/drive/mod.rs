@@ -12,11 +12,12 @@
 //! # Run states
 //! | from | to | when |
 //! | --- | --- | --- |
-//! | off | running | the command to enable, without a latched fault |
+//! | off | running | the command to enable, with or without [`Bounds`] for the run, without a latched fault |
 //! | running | off | the command to disable |
 //! | any | faulted | a [`Fault`]; the bridge is off from this very period on |
 //! | faulted | off | the command to clear, which takes the causes that are gone |
 
+mod bounds;
 pub mod fault;
 mod legs;
 mod mailbox;
@@ -28,6 +29,7 @@ mod sample;
 pub mod signal;
 pub mod store;
 
+pub use bounds::Bounds;
 pub use fault::{Fault, Faults};
 pub use mailbox::Mailbox;
 pub use monitor::Reading;
@@ -35,6 +37,7 @@ pub use number::Number;
 pub use parameters::{Limits, Parameters};
 pub use sample::{Encoder, Sample};
 
+use bounds::Confines;
 use monitor::Monitor;
 use recorder::Recorder;
 use serde::{Deserialize, Serialize};
@@ -115,6 +118,8 @@ pub struct Drive<'a, T> {
     encoder: Encoder,
     monitor: Monitor,
     state: State,
+    /// Of this run.
+    confines: Option<Confines<T>>,
     faults: Faults,
     set_point: SetPoint<T>,
     input: T,
@@ -136,6 +141,7 @@ impl<'a, T: Number> Drive<'a, T> {
             encoder: Encoder::new(),
             monitor: Monitor::new(),
             state: State::Off,
+            confines: None,
             faults: Faults::NONE,
             set_point: SetPoint::Off,
             input: T::ZERO,
@@ -165,6 +171,9 @@ impl<'a, T: Number> Drive<'a, T> {
         let limits = &self.parameters.limits;
         let found = self.monitor.check(limits, &reading, news, driven);
         self.latch(found);
+        if let Some(confines) = self.in_force() {
+            self.latch(confines.check(self.encoder.total(), &reading));
+        }
         if let Some(set_point) = news.set_point {
             self.set_point = set_point;
         }
@@ -193,6 +202,12 @@ impl<'a, T: Number> Drive<'a, T> {
         }
     }
 
+    /// The bounds of a run that goes on.
+    #[inline]
+    fn in_force(&self) -> Option<Confines<T>> {
+        self.confines.filter(|_| self.state == State::Running)
+    }
+
     /// The control law. Without power it is asked for nothing, and goes on observing.
     #[inline]
     fn law(&mut self, probe: &mut impl Probe) -> Output<T> {
@@ -205,6 +220,9 @@ impl<'a, T: Number> Drive<'a, T> {
         if !(output.finite && output.velocity.is_sound() && output.torque.is_sound()) {
             self.raise(Fault::Unsound);
             self.controller.reset(self.encoder.total());
+        }
+        if self.in_force().is_some_and(|c| c.is_passed_by(output.velocity)) {
+            self.raise(Fault::Overspeed);
         }
         output
     }
@@ -258,6 +276,18 @@ impl<'a, T: Number> Drive<'a, T> {
 
     /// Turns the axis on, with nothing asked of it.
     pub fn enable(&mut self) -> Result<(), Refusal> {
+        self.begin(None)
+    }
+
+    /// The same within bounds, which hold until the axis is off.
+    pub fn enable_within(&mut self, bounds: &Bounds<T>) -> Result<(), Refusal> {
+        if !bounds.is_valid() {
+            return Err(Refusal::Invalid);
+        }
+        self.begin(Some(*bounds))
+    }
+
+    fn begin(&mut self, bounds: Option<Bounds<T>>) -> Result<(), Refusal> {
         match self.state {
             State::Off => {}
             State::Running => return Err(Refusal::Running),
@@ -266,7 +296,10 @@ impl<'a, T: Number> Drive<'a, T> {
         self.set_point = SetPoint::Off;
         self.input = T::ZERO;
         self.monitor = Monitor::new();
-        self.controller.reset(self.encoder.total());
+        let origin = self.encoder.total();
+        self.confines = bounds.map(|bounds| Confines { bounds, origin });
+        self.controller.confine(bounds.map(|bounds| bounds.input));
+        self.controller.reset(origin);
         self.state = State::Running;
         Ok(())
     }

@@ -6,13 +6,13 @@ use serde::{Deserialize, Serialize};
 use crate::control::SetPoint;
 use crate::drive::recorder::{Contents, Order};
 use crate::drive::signal::{SIGNALS, Selection};
-use crate::drive::{Faults, Parameters, Refusal, Sample, State};
+use crate::drive::{Bounds, Faults, Parameters, Refusal, Sample, State};
 
 /// Changes whenever an older peer would misread a message.
 ///
 /// Postcard numbers enum variants by position, so even reordering them is a new version. [`Report::Hello`] stays the
 /// first of its kind and begins with this number, so that any two versions can tell that they differ.
-pub const PROTOCOL_VERSION: u16 = 2;
+pub const PROTOCOL_VERSION: u16 = 3;
 
 /// The most recorded words in one frame: framing costs less than a tenth of the link.
 pub const CHUNK: usize = 48;
@@ -70,6 +70,8 @@ pub enum Command<T> {
     },
     /// Makes something go wrong; only an emulated board does.
     Inject(Injection),
+    /// Turns the axis on within bounds, which hold until it is off.
+    EnableWithin(Bounds<T>),
 }
 
 /// Faults that no sample can bring about.
