@@ -167,13 +167,13 @@ const PAGES: [Page; 15] = [
         id: "travel",
         detection: "the position was further from where `bristle record` turned the axis on than the bound that it set for this run",
         reaction: SAME_PERIOD,
-        remedy: "The recording up to there is kept. Begin in the middle of the axis' range, lower --amplitude, or raise --travel as far as there is room: with the bridge off the axis coasts on.",
+        remedy: "Begin in the middle of the axis' range, lower --amplitude, or raise --travel as far as there is room: with the bridge off the axis coasts on.",
     },
     Page {
         id: "overspeed",
         detection: "the velocity of the observer was beyond the bound that `bristle record` set for this run",
         reaction: "the period in which the observer shows it; it follows the axis within about one over `control.observer_bandwidth`",
-        remedy: "The recording up to there is kept. Lower --amplitude, or raise --speed within what the axis bears.",
+        remedy: "Lower --amplitude, or raise --speed within what the axis bears.",
     },
 ];
 

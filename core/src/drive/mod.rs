@@ -221,7 +221,10 @@ impl<'a, T: Number> Drive<'a, T> {
             self.raise(Fault::Unsound);
             self.controller.reset(self.encoder.total());
         }
-        if self.in_force().is_some_and(|c| c.is_passed_by(output.velocity)) {
+        if self
+            .in_force()
+            .is_some_and(|c| c.is_passed_by(output.velocity))
+        {
             self.raise(Fault::Overspeed);
         }
         output
