@@ -56,7 +56,7 @@ pub const STAGES: [Stage; 4] = [
     },
     Stage {
         name: "dynamic",
-        text: "at once to A, to -A for twice as long, to A, and to zero; then the same backwards",
+        text: "at once to A, to -A, to A and to zero; the same backwards",
         end: 0.7,
     },
     Stage {

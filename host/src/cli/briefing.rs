@@ -202,19 +202,19 @@ impl fmt::Display for Briefing<'_> {
         writeln!(f, "How long     {} s", number(self.seconds()))?;
         writeln!(
             f,
-            "How far      {} {} either way from where it stands; beyond, the board turns its bridge off and the axis coasts: leave room",
+            "How far      {} {} either way from here; beyond, the bridge goes off and the axis coasts: leave room",
             number(self.travel),
             self.position()
         )?;
         writeln!(
             f,
-            "How fast     {} {}; beyond, the board turns its bridge off",
+            "How fast     {} {}; beyond, the bridge goes off",
             number(self.bounds.speed.into()),
             self.velocity()
         )?;
         writeln!(
             f,
-            "How strong   |u| up to {}{}, cut beyond; motor current up to {} A, beyond which the board turns its bridge off",
+            "How strong   |u| up to {}{}, cut beyond; motor current up to {} A; beyond, the bridge goes off",
             number(self.bounds.input.into()),
             self.input_unit(),
             number(self.bounds.current.into())
@@ -230,7 +230,7 @@ impl fmt::Display for Briefing<'_> {
         }
         writeln!(
             f,
-            "To stop      any key, or Ctrl-C. It is software: keep a hand on the switch of the supply."
+            "To stop      any key, or Ctrl-C. It is software: keep a hand on the supply's switch."
         )
     }
 }
