@@ -101,7 +101,10 @@ fn what_cannot_be_deployed_is_refused_before_any_board_is_asked() {
     for (line, part) in [
         (format!("axis.toml {good}"), "--port"),
         (format!("axis.toml --port no/port {good}"), "no/port"),
-        (format!("axis.toml --port axis.toml {good}"), "axis.toml"),
+        (
+            format!("axis.toml --port axis.toml {good}"),
+            "is it a serial port",
+        ),
         (format!("unknown.toml --emulated {good}"), "inertia"),
         (format!("none.toml --emulated {good}"), "none.toml"),
         (
@@ -117,6 +120,14 @@ fn what_cannot_be_deployed_is_refused_before_any_board_is_asked() {
             "--limit",
         ),
         (format!("axis.toml --emulated --bus 0 {good}"), "--bus"),
+        (
+            format!("axis.toml --emulated --current -2 {good}"),
+            "--current",
+        ),
+        (
+            format!("axis.toml --emulated --image out.json {good}"),
+            "is an input",
+        ),
     ] {
         let ran = folder.run(&format!("deploy {line} --json out.json"));
         assert!(

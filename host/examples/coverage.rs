@@ -75,7 +75,7 @@ impl Estimate {
 /// What was found of an axis, by parameter.
 type Estimates = BTreeMap<String, Estimate>;
 
-fn main() {
+fn main() -> std::io::Result<()> {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let option = |name: &str| {
         let at = words
@@ -97,10 +97,10 @@ fn main() {
     };
     let runs = number("runs", 100.0) as u64;
     let seed = number("seed", 1.0) as u64;
-    let mut dump =
-        option("dump").map(|path| std::fs::File::create(path).map(std::io::BufWriter::new));
-    if let Some(Ok(dump)) = &mut dump {
-        let _ = writeln!(dump, "law,seed,parameter,truth,value,se");
+    let dump = option("dump").map(std::fs::File::create).transpose()?;
+    let mut dump = dump.map(std::io::BufWriter::new);
+    if let Some(dump) = &mut dump {
+        writeln!(dump, "law,seed,parameter,truth,value,se")?;
     }
     println!(
         "law              parameter           runs  median  median |error|  bias/se  scatter/se  within 1.96 se"
@@ -114,18 +114,16 @@ fn main() {
             let of: Vec<(u64, Estimate)> = (all.iter())
                 .filter_map(|(seed, e)| Some((*seed, *e.get(*name)?)))
                 .collect();
-            if let Some(Ok(dump)) = &mut dump {
+            if let Some(dump) = &mut dump {
                 for (seed, e) in &of {
-                    let _ = writeln!(
-                        dump,
-                        "{law},{seed},{name},{:e},{:e},{:e}",
-                        e.truth, e.value, e.se
-                    );
+                    let Estimate { truth, value, se } = e;
+                    writeln!(dump, "{law},{seed},{name},{truth:e},{value:e},{se:e}")?;
                 }
             }
             print_line(law, name, &of);
         }
     }
+    dump.map_or(Ok(()), |mut dump| dump.flush())
 }
 
 fn print_line(law: &str, name: &str, of: &[(u64, Estimate)]) {

@@ -11,12 +11,9 @@ use super::{DONE, Outcome, terminal};
 use crate::bench::csv;
 use crate::cycle::{self, Knowledge, Lap};
 use crate::emulate::{Board, Launch, Transport};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::format::significant;
-use crate::identify::{Options, identify};
 use crate::image::F405;
-use crate::model::Model;
-use crate::recording::Recording;
 use crate::report;
 use crate::showcase;
 
@@ -51,17 +48,15 @@ pub(super) fn run(folder: &Path, image: Option<&Path>, seed: u64) -> Outcome {
         recording.display(),
         baseline.display()
     );
-    diagnose::Command::demo(recording.clone(), baseline.clone(), folder).run()?;
-    let diagnosed = Model::read(&at("diagnosed.toml"))?;
-    let identified = identified(&recording, &baseline)?;
-    write(&[(&at("identified.toml"), identified.to_toml())])?;
+    let found = diagnose::Command::demo(recording, baseline, folder).diagnose()?;
+    write(&[(&at("identified.toml"), found.before.to_toml())])?;
 
     anstream::println!("\nDeploying, and tracking the same task each time:");
     let mut laps = Vec::new();
     for (knowledge, model) in [
-        (Knowledge::Nothing, &identified),
-        (Knowledge::Baseline, &identified),
-        (Knowledge::Diagnosis, &diagnosed),
+        (Knowledge::Nothing, &found.before),
+        (Knowledge::Baseline, &found.before),
+        (Knowledge::Diagnosis, &found.after),
     ] {
         let lap = cycle::track(&mut board, model, knowledge, seed)?;
         anstream::println!(
@@ -72,7 +67,8 @@ pub(super) fn run(folder: &Path, image: Option<&Path>, seed: u64) -> Outcome {
         );
         laps.push(lap);
     }
-    let findings = findings(&at("diagnosis.json"))?;
+    let findings = found.diagnosis.findings.iter().map(|f| f.id.to_string());
+    let findings: Vec<String> = findings.collect();
     let factor = laps[1].rms / laps[2].rms;
     let turned = Turned {
         schema: "bristle.loop/1",
@@ -102,25 +98,4 @@ fn write(files: &[(&PathBuf, String)]) -> Result<Vec<PathBuf>> {
         outputs.add(Some(path), || Ok(text.clone()))?;
     }
     outputs.write()
-}
-
-/// The baseline with the values that the recording gives it.
-fn identified(recording: &Path, baseline: &Path) -> Result<Model> {
-    let model = Model::read_to_fit(baseline)?;
-    let recording = Recording::read(recording, &model.columns, model.motion)?;
-    let (_, identified) = identify(&[recording], &model, Options::default())?;
-    Ok(identified.model)
-}
-
-/// The ids in a diagnosis.
-fn findings(path: &Path) -> Result<Vec<String>> {
-    let text = std::fs::read_to_string(path).map_err(|reason| Error::Unreadable {
-        path: path.to_owned(),
-        reason,
-    })?;
-    let diagnosis: serde_json::Value = serde_json::from_str(&text)
-        .map_err(|e| Error::Internal(format!("{}: {e}", path.display())))?;
-    let all = diagnosis["findings"].as_array();
-    let ids = all.into_iter().flatten().filter_map(|f| f["id"].as_str());
-    Ok(ids.map(str::to_owned).collect())
 }

@@ -46,22 +46,32 @@ pub(super) struct Command {
     #[arg(long, group = "board")]
     emulated: bool,
     /// Frequency up to which the position is to follow its set point, Hz
-    #[arg(long, value_name = "HZ")]
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
     bandwidth: f64,
     /// Largest |u|, in the unit of u
-    #[arg(long, value_name = "U")]
+    #[arg(long, value_name = "U", allow_negative_numbers = true)]
     limit: f64,
     /// Encoder counts per turn or per metre
-    #[arg(long, value_name = "N", default_value_t = 4096.0)]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 4096.0,
+        allow_negative_numbers = true
+    )]
     counts: f64,
     /// Control periods a second [default: those of the board, 1000 for an emulated one]
-    #[arg(long, value_name = "HZ")]
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
     rate: Option<f64>,
     /// Nominal supply of the bridge, V
-    #[arg(long, value_name = "V", default_value_t = 24.0)]
+    #[arg(
+        long,
+        value_name = "V",
+        default_value_t = 24.0,
+        allow_negative_numbers = true
+    )]
     bus: f64,
     /// Largest motor current, A; a real board needs it
-    #[arg(long, value_name = "A")]
+    #[arg(long, value_name = "A", allow_negative_numbers = true)]
     current: Option<f64>,
     /// The controller alone, without compensation of friction and effects
     #[arg(long)]
@@ -94,7 +104,9 @@ struct Deployed<'a> {
 
 impl Command {
     pub fn run(&self) -> Outcome {
-        output::check(&[&self.model], &[self.json.as_ref()])?;
+        let mut inputs = vec![self.model.as_path()];
+        inputs.extend(self.image.as_deref());
+        output::check(&inputs, &[self.json.as_ref()])?;
         let model = Model::read(&self.model)?;
         // What is wrong with the model shows before a board is looked for.
         Drive::of(&model).map_err(|e| e.in_model(&self.model))?;
@@ -119,8 +131,7 @@ impl Command {
         board: &mut Peer<f32, W>,
         restart: impl FnOnce(&mut Peer<f32, W>) -> Result<bool>,
     ) -> Outcome {
-        let kind = board.hello().map_or(Kind::Emulated, |hello| hello.board);
-        let parameters = self.parameters(model, kind)?;
+        let parameters = self.parameters(model, board.in_same_numbers("deploy")?.board)?;
         let (restarted, differences) = if self.check {
             let held = deploy::in_force(board)?;
             (false, deploy::differences(&parameters, &held)?)

@@ -10,7 +10,7 @@ use super::output::{self, Outputs};
 use super::terminal::Meter;
 use super::windows::Windows;
 use super::{DONE, Outcome, terminal};
-use crate::diagnose::{Diagnosis, Verdict, diagnose};
+use crate::diagnose::{Diagnosis, Outcome as Diagnosed, Verdict, diagnose};
 use crate::error::Error;
 use crate::experiment::{self, NextExperiment};
 use crate::identify::identify;
@@ -72,12 +72,13 @@ struct Written<'a> {
 
 impl Command {
     pub fn run(&self) -> Outcome {
-        let verdict = self.diagnose()?;
-        let left_out = self.check && verdict != Verdict::Adequate;
+        let diagnosis = self.diagnose()?.diagnosis;
+        let left_out = self.check && diagnosis.verdict != Verdict::Adequate;
         Ok(if left_out { LEFT_OUT } else { DONE })
     }
 
-    fn diagnose(&self) -> crate::error::Result<Verdict> {
+    /// Diagnoses, writes and prints.
+    pub fn diagnose(&self) -> crate::error::Result<Diagnosed> {
         let mut inputs: Vec<&Path> = self.recordings.iter().map(PathBuf::as_path).collect();
         inputs.push(&self.model);
         output::check(
@@ -151,7 +152,7 @@ impl Command {
             anstream::println!("\n{}", next.text);
         }
         terminal::written(&written);
-        Ok(outcome.diagnosis.verdict)
+        Ok(outcome)
     }
 
     /// The command that `bristle demo` runs on its own recording.

@@ -1,6 +1,6 @@
 //! `bristle experiment`
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::Serialize;
@@ -9,10 +9,10 @@ use super::diagnose::json;
 use super::output::{self, Outputs};
 use super::terminal::Meter;
 use super::{DONE, Outcome, terminal};
-use crate::error::Error;
+use crate::error::{Error, Result};
 use crate::format::significant;
 use crate::report;
-use crate::trials::{self, Campaign, Claim, Experiment, Summary, Trial, Verdict};
+use crate::trials::{self, Campaign, Claim, Experiment, Replayed, Summary, Trial, Verdict};
 
 /// Run one of the source's experiments on many plants, with and without adaptation of friction
 ///
@@ -56,21 +56,19 @@ struct Experimented<'a> {
     summaries: Vec<Summary>,
     plants: &'a [Trial],
     /// What the firmware made of the first plant, with `--qemu`.
-    on_board: Option<Vec<trials::Replayed>>,
+    on_board: Option<Vec<Replayed>>,
 }
 
 impl Command {
     pub fn run(&self) -> Outcome {
-        output::check(&[], &[self.report.as_ref(), self.json.as_ref()])?;
+        output::check(&self.inputs(), &[self.report.as_ref(), self.json.as_ref()])?;
         if self.plants == 0 {
             return Err(Error::Usage(
                 "--plants 0 runs nothing; ask for at least one".to_owned(),
             ));
         }
         let progress = Meter::new();
-        progress.say("running plants");
-        let campaign = trials::run(self.experiment, self.plants, self.seed)?;
-        let on_board = self.on_board(&campaign, &progress)?;
+        let (campaign, on_board) = self.campaign(&progress)?;
         progress.finish();
         let experimented = Experimented {
             schema: "bristle.experiment/1",
@@ -93,32 +91,42 @@ impl Command {
         Ok(DONE)
     }
 
-    /// The runs of the first plant on the firmware, if asked for.
     #[cfg(unix)]
-    fn on_board(
-        &self,
-        campaign: &Campaign,
-        progress: &Meter,
-    ) -> crate::error::Result<Option<Vec<trials::Replayed>>> {
+    fn inputs(&self) -> Vec<&Path> {
+        self.image.as_deref().into_iter().collect()
+    }
+
+    /// All plants, and the runs of the first one on the firmware if asked for.
+    #[cfg(unix)]
+    fn campaign(&self, progress: &Meter) -> Result<(Campaign, Option<Vec<Replayed>>)> {
         use crate::emulate::{Board, Launch, Transport};
         use crate::image::F405;
         if !self.qemu {
-            return Ok(None);
+            return Ok((self.plants(progress)?, None));
         }
-        progress.say("running the firmware");
+        // What is wrong with the image shows before all plants have run.
         let image = super::emulate::chosen_image(self.image.as_deref(), F405, false)?;
         let mut board = Board::boot(&image, Launch::F405, Transport::Fast)?;
-        trials::replay(campaign, &mut board).map(Some)
+        let campaign = self.plants(progress)?;
+        progress.say("running the firmware");
+        let replayed = trials::replay(&campaign, &mut board)?;
+        Ok((campaign, Some(replayed)))
     }
 
     /// There is no emulated board here.
     #[cfg(not(unix))]
-    fn on_board(
-        &self,
-        _: &Campaign,
-        _: &Meter,
-    ) -> crate::error::Result<Option<Vec<trials::Replayed>>> {
-        Ok(None)
+    fn inputs(&self) -> Vec<&Path> {
+        Vec::new()
+    }
+
+    #[cfg(not(unix))]
+    fn campaign(&self, progress: &Meter) -> Result<(Campaign, Option<Vec<Replayed>>)> {
+        Ok((self.plants(progress)?, None))
+    }
+
+    fn plants(&self, progress: &Meter) -> Result<Campaign> {
+        progress.say("running plants");
+        trials::run(self.experiment, self.plants, self.seed)
     }
 }
 

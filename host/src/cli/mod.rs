@@ -50,7 +50,8 @@ use crate::error::{Error, Result};
 ///
 /// Start with `bristle demo`, then `bristle diagnose run.csv --model axis.toml --report report.html`.
 ///
-/// Exit status: 0 done, 1 internal failure, 2 unusable input or arguments, 3 where a command's own help says so.
+/// Exit status: 0 done, 1 internal failure, 2 unusable input or arguments, 3 with `--check`: the model leaves something out, or
+/// the board holds other parameters; and from `record`: the run was cut short.
 #[derive(Debug, Parser)]
 #[command(name = "bristle", version, max_term_width = 100)]
 struct Cli {

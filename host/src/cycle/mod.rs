@@ -26,7 +26,7 @@ phase = 0.5
 ";
 
 /// What the data sheets say, enough for a controller that moves the axis while it is recorded.
-pub const DATA_SHEET: &str = "name = \"demonstration axis, data sheets\"
+const DATA_SHEET: &str = "name = \"demonstration axis, data sheets\"
 
 [plant]
 motion  = \"rotary\"

@@ -11,7 +11,7 @@ pub use compare::{Difference, differences};
 pub use rig::{Rig, parameters};
 
 use bristle_core::drive::{Parameters, Refusal, State};
-use bristle_core::link::{Answer, Command, Numbers};
+use bristle_core::link::{Answer, Command};
 
 use crate::error::{Error, Result};
 use crate::link::{Peer, Wire};
@@ -21,7 +21,7 @@ use crate::link::{Peer, Wire};
 /// A board takes the set whole or not at all; whatever goes wrong before it is in force leaves the one before. Fails if
 /// the axis runs, the board refuses, or what comes back differs.
 pub fn deploy<W: Wire>(board: &mut Peer<f32, W>, parameters: &Parameters<f32>) -> Result<()> {
-    must_compute_in_single_precision(board)?;
+    board.in_same_numbers("deploy")?;
     must_not_run(board)?;
     carry_out(board, Command::Set(*parameters), "take the parameters")?;
     carry_out(board, Command::Store, "store the parameters")?;
@@ -48,16 +48,6 @@ pub fn in_force<W: Wire>(board: &mut Peer<f32, W>) -> Result<Parameters<f32>> {
         other => Err(Error::Board(format!(
             "it answers {other:?} to the question which parameters are in force; is its firmware of this release?"
         ))),
-    }
-}
-
-fn must_compute_in_single_precision<W: Wire>(board: &Peer<f32, W>) -> Result<()> {
-    match board.hello() {
-        Some(hello) if hello.numbers != Numbers::F32 => Err(Error::Usage(
-            "this board computes in fixed point, and deploy knows boards in single precision only"
-                .to_owned(),
-        )),
-        _ => Ok(()),
     }
 }
 

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use bristle_core::drive::Number;
 use bristle_core::drive::recorder::{Contents, Order};
 use bristle_core::link::{
-    Answer, Command, Deframer, Hello, PROTOCOL_VERSION, Packet, Report, decode, encode,
+    Answer, Command, Deframer, Hello, Numbers, PROTOCOL_VERSION, Packet, Report, decode, encode,
 };
 
 use super::{BLOCK, Wire};
@@ -109,6 +109,24 @@ impl<T: Number, W: Wire> Peer<T, W> {
     /// The last greeting.
     pub const fn hello(&self) -> Option<&Hello> {
         self.hello.as_ref()
+    }
+
+    /// The last greeting, of a board that computes in the numbers of this peer: any other would take its words for
+    /// something else. `who` asks.
+    pub fn in_same_numbers(&self, who: &str) -> Result<&Hello> {
+        let hello = self.hello.as_ref();
+        let hello = hello.ok_or_else(|| Error::Board("it has not greeted".to_owned()))?;
+        let (fixed, has, knows) = match hello.numbers {
+            Numbers::F32 => (false, "single precision", "fixed point"),
+            Numbers::Q16 => (true, "fixed point", "single precision"),
+        };
+        if fixed == T::FIXED {
+            Ok(hello)
+        } else {
+            Err(Error::Usage(format!(
+                "this board computes in {has}, and {who} knows boards in {knows} only"
+            )))
+        }
     }
 
     /// The wire.

@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use bristle_core::drive::signal::{Selection, Signal};
-use bristle_core::link::{Command, Numbers};
+use bristle_core::link::Command;
 
 use super::{ANSWER, RETRY, Session};
 use crate::deploy;
@@ -96,12 +96,7 @@ impl Session {
     }
 
     fn set_up(&mut self, peer: &mut Peer<f32, Box<dyn Wire + Send>>) -> Result<()> {
-        if peer.hello().is_some_and(|h| h.numbers != Numbers::F32) {
-            return Err(Error::Usage(
-                "this board computes in fixed point, and monitor knows boards in single precision only"
-                    .to_owned(),
-            ));
-        }
+        peer.in_same_numbers("monitor")?;
         peer.wire().set_patience(ANSWER)?;
         let must_stop = self
             .shared
