@@ -275,7 +275,7 @@ pub(super) fn why(ending: &Ending) -> String {
 }
 
 /// How much was recorded, and what is missing of it.
-pub(super) fn told_rows(rows: &Rows, line: &Line, period: f64) {
+pub(super) fn told_rows(rows: &Rows, line: Line, period: f64) {
     let missing = match rows.missing(line.every) {
         0 => "without a gap".to_owned(),
         missing => format!("{missing} more were lost on the way"),

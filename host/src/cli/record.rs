@@ -1,34 +1,30 @@
 //! `bristle record`
 
-use std::io::{BufRead, IsTerminal, Write};
+mod asked;
+
+use std::io::{BufRead, Write};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use bristle_core::drive::signal::{Selection, Signal as Word};
-use bristle_core::drive::{Bounds, Parameters, State};
-use bristle_core::friction::Units;
-use bristle_core::link::{Answer, Command as Request, Numbers};
+use bristle_core::drive::{Parameters, State};
+use bristle_core::link::{Answer, Command as Request};
 use clap::Args;
 
 use super::bench::Excite;
 use super::briefing::{self, Briefing};
 use super::emulate::Follow;
 use super::interrupt::{self, Keys};
-use super::output::{self, Outputs};
+use super::output::Outputs;
 use super::place::Where;
 use super::terminal::Meter;
 use super::{DONE, Outcome, terminal};
 use crate::bench::csv;
 use crate::deploy;
-use crate::emulate;
-use crate::error::{self, Error, Result};
-use crate::excite::Excitation;
+use crate::error::{Error, Result};
 use crate::format::{decimal, shortest};
-use crate::guided::{self, Line, Run, Signal};
+use crate::guided::{self, Line, Run};
 use crate::link::{Peer, Wire};
-use crate::model::{Columns, Model, Motion};
-use crate::place::Place;
-use crate::tune;
+use crate::model::Model;
 
 /// Exit status of a run that did not come to its end.
 const CUT: u8 = 3;
@@ -36,8 +32,8 @@ const CUT: u8 = 3;
 /// Excite the axis of a board, and record what it does
 ///
 /// Says what will move, how far, how fast, for how long and with which input, asks, and drives the axis through a test
-/// signal; the recording is for identify and diagnose. The default, sequence, goes slowly and then at once both ways, as WPILib
-/// SysId does, and through a band of frequencies. --signal runs what diagnose --next-experiment has written.
+/// signal; the recording is for identify and diagnose. The default, sequence, goes both ways slowly and
+/// then at once, and through a band of frequencies. --signal runs what diagnose --next-experiment has written.
 ///
 /// The board itself keeps to --travel, --speed, --limit and --current, in every control period and whatever becomes of this
 /// program: beyond travel, speed or current it turns its bridge off, and u is cut at its limit. With the bridge off the axis
@@ -154,7 +150,7 @@ impl Command {
         let rate = 1.0 / decimal(parameters.control.period);
         let signal = self.signal(model.as_ref(), rate)?;
         let bounds = self.bounds(&signal, &parameters)?;
-        let selection = selection(&place)?;
+        let selection = asked::selection(&place)?;
         let ring = board.hello().map_or(0, |hello| hello.ring);
         let periods = signal.values.len();
         let line = Line::finest(periods, rate, selection, ring, place.capacity());
@@ -197,135 +193,10 @@ impl Command {
         let excited = drive(&mut board, &run, periods, &ended)?;
         self.finish(
             &excited,
-            &line,
+            line,
             model.as_ref(),
             decimal(parameters.control.period),
         )
-    }
-
-    fn check(&self) -> Result<()> {
-        let mut inputs = self.place.inputs();
-        inputs.extend(self.signal.as_deref());
-        output::check(&inputs, &[Some(&self.out)])?;
-        self.place.check()?;
-        error::positive(&[
-            ("--duration", Some(self.duration)),
-            ("--travel", Some(self.travel)),
-            ("--speed", Some(self.speed)),
-            ("--limit", self.limit),
-            ("--current", self.current),
-        ])?;
-        if let Some(amplitude) = self.amplitude.filter(|a| *a == 0.0 || !a.is_finite()) {
-            return Err(Error::Usage(format!(
-                "--amplitude {amplitude} drives nothing; give a number other than zero"
-            )));
-        }
-        if !self.yes && !std::io::stdin().is_terminal() {
-            return Err(Error::Usage(
-                "the axis will move, and there is no terminal to ask whether it may; make sure that it may, and add --yes"
-                    .to_owned(),
-            ));
-        }
-        Ok(())
-    }
-
-    /// Where the board is, and the model of its axis if one is known.
-    fn place(&self) -> Result<(Place, Option<Model>)> {
-        match &self.place.emulate {
-            Some(path) => {
-                let model = Model::read(path)?;
-                let limit = match (self.limit, self.follow) {
-                    // What the signal asks for beyond --limit is cut by the bound of the run.
-                    (limit, Follow::Input) => {
-                        let rate = self.place.emulated.rate;
-                        let asked = self.signal(Some(&model), rate)?.largest();
-                        limit.map_or(asked, |limit| limit.max(asked))
-                    }
-                    (Some(limit), _) => limit,
-                    (None, _) => {
-                        return Err(Error::Usage(
-                            "a controller needs --limit, the largest input that it may apply, in the unit of u"
-                                .to_owned(),
-                        ));
-                    }
-                };
-                self.place.emulated(path, limit)
-            }
-            None => self.place.at_port(),
-        }
-    }
-
-    fn signal(&self, model: Option<&Model>, rate: f64) -> Result<Signal> {
-        if let Some(path) = &self.signal {
-            let none = Columns::new();
-            let columns = model.map_or(&none, |model| &model.columns);
-            let motion = model.map_or(Motion::Rotary, |model| model.motion);
-            return Signal::read(path, columns, motion, rate);
-        }
-        let samples = (self.duration * rate).round();
-        if !(200.0..=1e7).contains(&samples) {
-            return Err(Error::Usage(format!(
-                "--duration {} at {rate} control periods a second makes {samples} samples; a recording has 200 to 10000000",
-                self.duration
-            )));
-        }
-        if self.band.1 >= 0.5 * rate {
-            return Err(Error::Usage(format!(
-                "--band goes up to {} Hz, but with {rate} control periods a second nothing above {} Hz can be made; lower it",
-                self.band.1,
-                0.5 * rate
-            )));
-        }
-        let excitation = Excitation {
-            shape: self.excite.into(),
-            amplitude: self.amplitude.unwrap_or_default(),
-            band: self.band,
-            duration: self.duration,
-            seed: self.seed,
-        };
-        Ok(Signal::made(&excitation, rate))
-    }
-
-    /// What the board is to keep to, or what to change if it cannot.
-    fn bounds(&self, signal: &Signal, parameters: &Parameters<f32>) -> Result<Bounds<f32>> {
-        let most = decimal(parameters.control.command_limit);
-        let asked = signal.largest();
-        // A decimal and its nearest number in single precision differ by less.
-        if self.follow == Follow::Input && asked > most * (1.0 + 1e-6) {
-            return Err(Error::Usage(format!(
-                "the signal goes up to u = {}, and the board was deployed with {} at most (deploy --limit); lower --amplitude, or deploy anew",
-                shortest(asked, 4),
-                shortest(most, 4)
-            )));
-        }
-        let default = if self.follow == Follow::Input {
-            asked
-        } else {
-            most
-        };
-        let counts = self.travel / f64::from(parameters.control.count);
-        if !(1.0..f64::from(i32::MAX)).contains(&counts) {
-            return Err(Error::Usage(format!(
-                "--travel {} is {} encoder counts; it must be 1 to 2147483647",
-                self.travel,
-                shortest(counts, 4)
-            )));
-        }
-        let bounds = Bounds {
-            travel: counts as u32,
-            speed: self.speed as f32,
-            input: self.limit.unwrap_or(default) as f32,
-            current: self
-                .current
-                .map_or(parameters.limits.current, |current| current as f32),
-        };
-        if !bounds.is_valid() {
-            return Err(Error::Usage(
-                "--speed, --limit or --current is too small or too large for the board's numbers"
-                    .to_owned(),
-            ));
-        }
-        Ok(bounds)
     }
 
     /// Asks whether to begin.
@@ -347,27 +218,10 @@ impl Command {
         Ok(())
     }
 
-    fn set_points(
-        &self,
-        signal: &Signal,
-        rate: f64,
-        count: f64,
-        origin: i32,
-    ) -> Vec<bristle_core::control::SetPoint<f32>> {
-        let from = match self.follow {
-            Follow::Position => f64::from(origin) * count,
-            Follow::Input | Follow::Velocity => 0.0,
-        };
-        let values: Vec<f64> = signal.values.iter().map(|x| from + x).collect();
-        let units: &Units = &tune::SI;
-        let follow = emulate::Follow::from(self.follow);
-        follow.set_points(&values, (rate, signal.smooth), count, units)
-    }
-
     fn finish(
         &self,
         excited: &guided::Excited,
-        line: &Line,
+        line: Line,
         model: Option<&Model>,
         period: f64,
     ) -> Outcome {
@@ -422,12 +276,7 @@ fn drive(
 
 /// The parameters of a board that can be excited.
 fn in_force(board: &mut Board) -> Result<Parameters<f32>> {
-    if board.hello().is_some_and(|h| h.numbers != Numbers::F32) {
-        return Err(Error::Usage(
-            "this board computes in fixed point, and record knows boards in single precision only; bristle emulate records such a board in the emulator"
-                .to_owned(),
-        ));
-    }
+    board.in_same_numbers("record")?;
     let parameters = deploy::in_force(board)?;
     if parameters == Parameters::harmless() {
         return Err(Error::Usage(
@@ -452,17 +301,4 @@ fn latched(board: &mut Board) -> Result<Vec<&'static str>> {
             "it answers {other:?} to the question how it is; is its firmware of this release?"
         ))),
     }
-}
-
-/// What is recorded: the current only where there may be one.
-fn selection(place: &Place) -> Result<Selection> {
-    let has_motor = match place {
-        Place::Port(_) => true,
-        Place::Emulated { axis, .. } => crate::plant::new(&axis.model)?.current().is_some(),
-    };
-    Ok(if has_motor {
-        Selection::of(&[Word::Input, Word::Position, Word::Current])
-    } else {
-        Selection::of(&[Word::Input, Word::Position])
-    })
 }
