@@ -170,10 +170,11 @@ impl<'a, T: Number> Drive<'a, T> {
         let driven = (self.state == State::Running).then_some(self.input);
         let limits = &self.parameters.limits;
         let found = self.monitor.check(limits, &reading, news, driven);
-        self.latch(found);
-        if let Some(confines) = self.in_force() {
-            self.latch(confines.check(self.encoder.total(), &reading));
-        }
+        let beyond = match self.in_force() {
+            Some(confines) => confines.check(self.encoder.total(), &reading),
+            None => Faults::NONE,
+        };
+        self.latch(found.and(beyond));
         if let Some(set_point) = news.set_point {
             self.set_point = set_point;
         }
@@ -204,8 +205,9 @@ impl<'a, T: Number> Drive<'a, T> {
 
     /// The bounds of a run that goes on.
     #[inline]
-    fn in_force(&self) -> Option<Confines<T>> {
-        self.confines.filter(|_| self.state == State::Running)
+    fn in_force(&self) -> Option<&Confines<T>> {
+        let confines = self.confines.as_ref();
+        confines.filter(|_| self.state == State::Running)
     }
 
     /// The control law. Without power it is asked for nothing, and goes on observing.
