@@ -6,9 +6,7 @@
 
 mod cli;
 
-use std::path::{Path, PathBuf};
-
-use cli::Folder;
+use cli::{Folder, real};
 use serde_json::Value;
 
 /// Below this share of the value the published digits and the authors' own filtering decide.
@@ -29,28 +27,9 @@ coulomb = \"?\"
 viscous = \"?\"
 ";
 
-/// `shared/data/emps/emps_est.csv` beside the checkout, or beside a folder that holds it.
-fn recording() -> Option<PathBuf> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent()?;
-    let found = root
-        .ancestors()
-        .skip(1)
-        .map(|folder| folder.join("shared/data/emps/emps_est.csv"))
-        .find(|path| path.is_file());
-    if found.is_none() {
-        // Written to the stream itself, as the test harness hides what passing tests print.
-        use std::io::Write;
-        let _ = writeln!(
-            std::io::stderr(),
-            "skipped: ../shared/data/emps/emps_est.csv is not there"
-        );
-    }
-    found
-}
-
 /// A folder with the recording and a model.
 fn bench(model: &str) -> Option<Folder> {
-    let recording = recording()?;
+    let recording = real("emps/emps_est.csv")?;
     let folder = Folder::new();
     std::fs::copy(recording, folder.path("emps.csv")).expect("copies");
     folder.write("emps.toml", model);

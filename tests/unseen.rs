@@ -130,6 +130,22 @@ fn what_acts_in_the_held_out_part_alone_is_noticed() {
     assert_eq!(same["verdict"], "adequate", "{}", same["text"]);
 }
 
+/// A pendulum on a servo for six seconds: acceleration takes 1 % of the drive, so the side of the equation that noise in the
+/// acceleration makes too small says nearly nothing of the inertia, and must not speak against gravity.
+#[test]
+fn gravity_is_named_where_hardly_any_of_the_drive_accelerates() {
+    let folder = Folder::new();
+    folder.write(
+        "truth.toml",
+        "[plant]\nmotion = \"rotary\"\ninertia = 0.007\n[friction]\ncoulomb = 0.03\nviscous = 0.05\n[effects.gravity]\namplitude = 0.48\nphase = 0.0\n",
+    );
+    folder.write("axis.toml", BASELINE);
+    folder.done("simulate --model truth.toml --excite multisine --amplitude 1.2 --band 0.15:0.5 --duration 6 --rate 190 --control pd --bandwidth 2 --counts 4096 --noise 0.003 --seed 3 --out run.csv");
+    folder.done("diagnose run.csv --model axis.toml --json out.json");
+    let json = folder.json("out.json");
+    assert_eq!(json["findings"][0]["id"], "gravity", "{}", json["text"]);
+}
+
 /// Friction that doubles for a second now and then follows no coordinate, and is no noise either.
 #[test]
 fn friction_in_spells_is_noticed() {

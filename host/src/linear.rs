@@ -15,6 +15,17 @@ pub struct Score {
     pub cross_validated: f64,
 }
 
+impl Score {
+    /// With all squared errors multiplied by a factor.
+    #[must_use]
+    pub fn times(mut self, factor: f64) -> Self {
+        self.chi2 *= factor;
+        self.cross_validated *= factor;
+        self.by_block.iter_mut().for_each(|e| *e *= factor);
+        self
+    }
+}
+
 /// Number of folds of a cross-validation.
 pub const FOLDS: usize = 5;
 

@@ -6,7 +6,7 @@ use crate::model::Model;
 use crate::noise::Noise;
 use crate::normal::{Normal, less_encoder};
 use crate::problem::Problem;
-use crate::system::{inadmissible, residual};
+use crate::system::{emphasis, inadmissible, residual};
 use crate::uncertainty;
 
 /// Most Gauss-Newton steps; from a weak-form start three or four settle it.
@@ -162,14 +162,14 @@ fn sums(
     normal
 }
 
-/// The whitened residual of the rows that have a block.
+/// The whitened residual of the rows that have a block, with the [`emphasis`] of the model.
 fn counted(
     problem: &Problem,
     model: &Model,
     noise: &Noise,
     blocks: &[Option<usize>],
 ) -> DVector<f64> {
-    in_blocks(&noise.whiten(&residual(problem, model)), blocks)
+    in_blocks(&noise.whiten(&residual(problem, model)), blocks) * emphasis(problem, model)
 }
 
 /// The rows that have a block, of values one for each row.

@@ -18,13 +18,24 @@ pub struct Ground<'a> {
     noise: &'a Noise,
     blocks: &'a [Option<usize>],
     model: &'a Model,
-    robust_inertia: Option<f64>,
+    inertias: Option<Inertias>,
     /// The whitened system of the model.
     pub system: System,
     /// Its score.
     pub score: Score,
     /// What the recordings cover.
     pub survey: Survey,
+}
+
+/// The inertias that a recording leaves room for, whatever acts on the axis besides.
+#[derive(Clone, Copy, Debug)]
+pub struct Inertias {
+    /// The force side's, which noise in the acceleration can only make too small: what a model falls back to that leaves so
+    /// much out that its own inertia would be negative.
+    pub least: f64,
+    /// The acceleration side's, which noise in the torque can only make too large; infinite if the motion does not follow
+    /// the drive.
+    pub most: f64,
 }
 
 /// The best that a term can do.
@@ -43,7 +54,7 @@ const GOLDEN_STEPS: usize = 10;
 const BLOCKS: usize = 64;
 /// Frequencies up to this number over the half-width pass the test functions with a tenth of their amplitude.
 const PASSED: f64 = 0.8;
-/// An inertia that differs from a robust estimate by more than this factor is a sign that a term took its place.
+/// An inertia beyond what a recording leaves room for by more than this factor is a sign that a term took its place.
 const IMPLAUSIBLE: f64 = 3.0;
 /// Resolution cells below which a line is a drift.
 const SLOWEST_LINE: usize = 2;
@@ -55,7 +66,7 @@ impl<'a> Ground<'a> {
         noise: &'a Noise,
         blocks: &'a [Option<usize>],
         model: &'a Model,
-        robust_inertia: Option<f64>,
+        inertias: Option<Inertias>,
     ) -> Result<Option<Self>> {
         let system = System::new(problem, model)?.whitened(noise);
         Ok(system.score(blocks).map(|score| Self {
@@ -63,7 +74,7 @@ impl<'a> Ground<'a> {
             noise,
             blocks,
             model,
-            robust_inertia,
+            inertias,
             system,
             score,
             survey: problem.survey(model),
@@ -293,10 +304,10 @@ impl<'a> Ground<'a> {
     fn plausible(&self, model: &Model) -> bool {
         let inertia = |model: &Model| model.parameters()[model.moving_inertia()].clone();
         let (now, before) = (inertia(model), inertia(self.model));
-        let (Some(robust), Some(value)) = (self.robust_inertia, now.value) else {
+        let (Some(Inertias { least, most }), Some(value)) = (self.inertias, now.value) else {
             return true;
         };
-        let off = |value: f64| (value / robust).ln().abs();
+        let off = |value: f64| (value / value.clamp(least, most)).ln().abs();
         now.known
             || off(value) <= IMPLAUSIBLE.ln()
             || before.value.is_some_and(|before| off(value) <= off(before))

@@ -49,6 +49,8 @@ pub struct System {
     factors: [f64; 2],
     /// A column that carries encoder noise, and the energy of that noise over the training rows.
     errors: Option<(usize, f64)>,
+    /// See [`emphasis`].
+    emphasis: f64,
 }
 
 /// Blocks of the training rows, which are dealt out in turn to the folds of a cross-validation, last this many seconds.
@@ -149,9 +151,13 @@ impl System {
                 }
             }
         }
-        Ok(match problem.response {
+        let system = match problem.response {
             Response::Acceleration => sides.by_acceleration(),
             Response::Force => sides.by_force(),
+        };
+        Ok(Self {
+            emphasis: emphasis(problem, model),
+            ..system
         })
     }
 
@@ -175,6 +181,7 @@ impl System {
             unknowns,
             factors,
             errors: None,
+            emphasis: 1.0,
         }
     }
 
@@ -227,10 +234,21 @@ impl System {
         self.errors
     }
 
-    /// Fits the system over the rows that have a block.
+    /// Fits the system over the rows that have a block, with the [`emphasis`] of its model.
     pub fn score(&self, blocks: &[Option<usize>]) -> Option<Score> {
-        let columns = self.columns_and([]);
-        linear::score(&self.response, &columns, blocks, 0.0, self.errors)
+        self.score_with([], blocks, 0.0)
+    }
+
+    /// The same with other columns beside its own, and a ridge: see [`linear::score`].
+    pub fn score_with<'a>(
+        &'a self,
+        others: impl IntoIterator<Item = &'a [f64]>,
+        blocks: &[Option<usize>],
+        ridge: f64,
+    ) -> Option<Score> {
+        let columns = self.columns_and(others);
+        let score = linear::score(&self.response, &columns, blocks, ridge, self.errors);
+        score.map(|score| score.times(self.emphasis * self.emphasis))
     }
 
     /// Writes the physical parameters that a linear solution stands for into the model; known ones stay.
@@ -405,6 +423,29 @@ fn effective_input(problem: &Problem, model: &Model, path: &Path) -> Column {
     let mut effective = input.to_vec();
     add(&mut effective, -back_emf, &problem.velocity());
     Arc::new(effective)
+}
+
+/// What the residuals of a model are multiplied by where they are compared with those of others: RMS of the input as
+/// recorded over that of what gets through to the axis, over the training rows.
+///
+/// Where the input is part of the response, an effect that lets less of it through makes residuals smaller whether it is
+/// there or not: with nothing let through, nothing remains to be explained. So residuals count in units of what gets through,
+/// as those of a transformed response do (Box and Cox, Journal of the Royal Statistical Society B 26, 1964, sec. 3).
+pub fn emphasis(problem: &Problem, model: &Model) -> f64 {
+    let path = path(model);
+    let inertia = model.parameters()[model.moving_inertia()];
+    let given = inertia.known || inertia.se == Some(f64::INFINITY);
+    let in_response = problem.response == Response::Force || given;
+    if !in_response || path.bits() == Path::default().bits() {
+        return 1.0;
+    }
+    let energy = |path: &Path| {
+        let input = problem.input(path);
+        let rows = problem.rows.iter().zip(input.iter());
+        let seen = rows.filter(|(row, _)| row.part == Part::Train);
+        seen.map(|(_, u)| u * u).sum::<f64>()
+    };
+    (energy(&Path::default()) / energy(&path).max(f64::MIN_POSITIVE)).sqrt()
 }
 
 /// The weak-form residual of a model whose parameters all have values, on the side of the problem's response.

@@ -98,6 +98,26 @@ pub fn csv(samples: &[Sample]) -> String {
     text
 }
 
+/// A real recording, as `folder/file` below the `shared/data` that lies beside the checkout or beside a folder that holds
+/// it; where it is not, a line says that the test was skipped.
+pub fn real(name: &str) -> Option<PathBuf> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent()?;
+    let mut places = root
+        .ancestors()
+        .skip(1)
+        .map(|folder| folder.join("shared/data").join(name));
+    let found = places.find(|path| path.is_file());
+    if found.is_none() {
+        // Written to the stream itself, as the test harness hides what passing tests print.
+        use std::io::Write;
+        let _ = writeln!(
+            std::io::stderr(),
+            "skipped: ../shared/data/{name} is not there"
+        );
+    }
+    found
+}
+
 /// What a run of the program left.
 #[derive(Debug)]
 pub struct Ran {

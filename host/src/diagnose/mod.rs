@@ -146,7 +146,10 @@ fn error(bench: &Workbench, model: &Model) -> Result<f64> {
 }
 
 fn whitened(bench: &Workbench, model: &Model) -> Vec<f64> {
-    bench.noise.whiten(&system::residual(&bench.problem, model))
+    let emphasis = system::emphasis(&bench.problem, model);
+    let mut residual = bench.noise.whiten(&system::residual(&bench.problem, model));
+    residual.iter_mut().for_each(|r| *r *= emphasis);
+    residual
 }
 
 fn verdict_sentence(

@@ -9,7 +9,7 @@ use super::confirm::confirmed;
 use super::select::{FLOOR, LEAST_DELTA_BIC, Scope, Selection};
 use super::trial::Trial;
 use crate::effects::{Effect, Quantity, Seat, Survey};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::fit;
 use crate::identify::Workbench;
 use crate::model::Model;
@@ -88,7 +88,12 @@ pub(super) fn sharpened(
         {
             continue;
         }
-        if let Some(more) = more(&fine, bench, before, &found, recordings, progress)? {
+        // Narrow windows may hold too much noise of the encoder for a fit at all.
+        let more = match more(&fine, bench, before, &found, recordings, progress) {
+            Err(Error::NotIdentifiable(_)) => continue,
+            more => more?,
+        };
+        if let Some(more) = more {
             let count = fast_ones(&more).count();
             return Ok((more, Some(Fast { bench: fine, count })));
         }

@@ -111,16 +111,9 @@ impl<'a> Base<'a> {
     /// What generic columns gain on top of the model.
     pub fn generic(&self, columns: &[Vec<f64>]) -> Generic {
         let system = &self.ground.system;
-        let own = system.columns.iter();
-        let all: Vec<&[f64]> = own.chain(columns).map(Vec::as_slice).collect();
-        let blocks = &self.bench.blocks;
-        let fitted = linear::score(
-            &system.response,
-            &all,
-            blocks,
-            GENERIC_RIDGE,
-            system.errors(),
-        );
+        let columns = || columns.iter().map(Vec::as_slice);
+        let all = system.columns_and(columns());
+        let fitted = system.score_with(columns(), &self.bench.blocks, GENERIC_RIDGE);
         let Some(with) = fitted else {
             return Generic::default();
         };

@@ -18,7 +18,7 @@ use crate::noise::Noise;
 use crate::problem::Problem;
 use crate::recording::Recording;
 use crate::refine;
-use crate::scan::{self, Ground};
+use crate::scan::{self, Ground, Inertias};
 use crate::system::{self, System};
 use crate::weak::{Balance, Part, Track};
 
@@ -47,9 +47,8 @@ pub struct Workbench {
     pub balance: Option<Balance>,
     /// How wide the windows are, and why.
     pub width: Width,
-    /// Inertia found with all generic functions in: what a model falls back to that leaves so much out that its own
-    /// inertia would be negative.
-    robust_inertia: Option<f64>,
+    /// What is known of the inertia with all generic functions in.
+    inertias: Option<Inertias>,
     /// The same windows on velocities smoothed half as wide, with their blocks, made when first asked for.
     finer: OnceLock<(Problem, Vec<Option<usize>>)>,
 }
@@ -158,8 +157,7 @@ impl Workbench {
         }
         let blocks = system::blocks(&problem);
         let start = with_starts(&problem, model);
-        let (response, robust_inertia) =
-            choose_response(&mut problem, &start, &dictionary, &blocks)?;
+        let (response, inertias) = choose_response(&mut problem, &start, &dictionary, &blocks)?;
         problem.response = response;
         let system = System::new(&problem, &start)?;
         let (residual, unknowns) = follow_everything(&problem, &system, &dictionary, &blocks)?;
@@ -171,7 +169,7 @@ impl Workbench {
             noise,
             dictionary,
             width,
-            robust_inertia,
+            inertias,
             finer: OnceLock::new(),
         })
     }
@@ -231,7 +229,7 @@ impl Workbench {
             // Nothing is integrated, so none at all will do.
             return Ok(0.0);
         }
-        self.robust_inertia.ok_or_else(|| {
+        self.inertias.map(|i| i.least).ok_or_else(|| {
             Error::NotIdentifiable(
                 "the motion does not follow u: the estimated inertia is negative; check the signs of u and q and which columns they are, and that the recording accelerates the axis".to_owned(),
             )
@@ -331,7 +329,7 @@ impl Workbench {
             &self.noise,
             &self.blocks,
             model,
-            self.robust_inertia,
+            self.inertias,
         )
     }
 }

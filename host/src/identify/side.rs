@@ -8,6 +8,7 @@ use crate::error::Result;
 use crate::linear;
 use crate::model::{Causality, Model};
 use crate::problem::{Problem, Response};
+use crate::scan::Inertias;
 use crate::system::System;
 
 /// The side of the equation whose error to minimise.
@@ -19,13 +20,13 @@ use crate::system::System;
 /// torque goes into acceleration, so the motion is next to imposed. A baseline that leaves much out disturbs alike,
 /// hence the second comparison, with the tolerance of a rough model.
 ///
-/// Also gives an inertia to fall back on: the force side's, with all generic functions in if that is positive.
+/// Also gives the inertias that the two sides, with all generic functions in, leave room for.
 pub(super) fn choose_response(
     problem: &mut Problem,
     model: &Model,
     dictionary: &Dictionary,
     blocks: &[Option<usize>],
-) -> Result<(Response, Option<f64>)> {
+) -> Result<(Response, Option<Inertias>)> {
     const DISAGREEMENT: f64 = 1.1;
     const ROUGH_DISAGREEMENT: f64 = 2.0;
     if model.causality == Causality::Inverse {
@@ -68,10 +69,15 @@ pub(super) fn choose_response(
     let positive = |j: Option<f64>| j.filter(|j| *j > 0.0);
     // A short recording may carry functions of position, gravity and springs among them, but not the whole dictionary. Where
     // the force side fails, so little of the torque accelerates that the other side's inertia, too large, is all there is.
-    let robust = positive(full.1)
+    let least = positive(full.1)
         .or(positive(by_both_sides(&position)?.1))
         .or(positive(plain.1))
         .or(positive(full.0));
+    let most = positive(full.0).unwrap_or(f64::INFINITY);
+    let inertias = least.map(|least| Inertias {
+        least,
+        most: most.max(least),
+    });
     let disagree = |(acceleration, force): (Option<f64>, Option<f64>), tolerance: f64| match (
         acceleration,
         force,
@@ -80,7 +86,7 @@ pub(super) fn choose_response(
         _ => false,
     };
     if disagree(full, DISAGREEMENT) || disagree(plain, ROUGH_DISAGREEMENT) {
-        return Ok((Response::Force, robust));
+        return Ok((Response::Force, inertias));
     }
-    Ok((Response::Acceleration, robust))
+    Ok((Response::Acceleration, inertias))
 }
