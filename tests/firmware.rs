@@ -22,7 +22,7 @@ use bristle_core::control::{Effects, Learning, SetPoint, Stage};
 use bristle_core::drive::recorder::{Order, Trigger};
 use bristle_core::drive::signal::{Selection, Signal};
 use bristle_core::drive::store::checksum;
-use bristle_core::drive::{Fault, Number, Parameters, Refusal, Sample, State};
+use bristle_core::drive::{Bounds, Fault, Number, Parameters, Refusal, Sample, State};
 use bristle_core::friction::Units;
 use bristle_core::link::{Answer, Command, Counters, Deframer, Injection, Packet, Report, decode};
 use emulator::{Calls, booted, images, runnable_images};
@@ -401,6 +401,64 @@ fn every_fault_of_a_sample_turns_the_bridge_off_in_its_own_period() {
     }
 }
 
+/// Travel and current in the period of the sample that is beyond; speed as soon as the observer shows it; u is cut from the
+/// first period on.
+#[test]
+fn the_bounds_of_a_run_end_it_in_time() {
+    let Some(mut board) = running(Transport::Fast, parameters()) else {
+        return;
+    };
+    board.tell(Command::Disable).expect("it is turned off");
+    let bounds = Bounds {
+        travel: 800,
+        speed: 10.0,
+        input: 0.25,
+        current: 5.0,
+    };
+    // A steady motion of so many counts a period, with the current of a converter's reading; how many periods the bridge was on.
+    let mut on = |counts: u16, current: u16, fault: Fault| {
+        board
+            .tell(Command::EnableWithin(bounds))
+            .expect("nothing is wrong");
+        for k in 0..1000 {
+            let sample = Sample {
+                count: HEALTHY.count + counts * k,
+                current,
+                ..HEALTHY
+            };
+            let period = board.period(Some(SetPoint::Command(0.5)), sample);
+            let period = period.expect("an answer");
+            if period.bridge {
+                assert_eq!(period.input, 0.25, "u is cut");
+                continue;
+            }
+            assert!(period.faults.iter().eq([fault]), "{:?}", period.faults);
+            let refused = board.ask(Command::EnableWithin(bounds));
+            assert_eq!(
+                refused.expect("an answer"),
+                Answer::Refused(Refusal::Faulted)
+            );
+            // The way back may be a jump.
+            board.period(None, HEALTHY).expect("an answer");
+            board.tell(Command::Clear).expect("it is cleared");
+            return k;
+        }
+        panic!("{fault:?} is not noticed");
+    };
+    // 20 counts a period are 7.7 rad/s: 800 counts after the first 41 samples, beyond which the 42nd is.
+    assert_eq!(on(20, 2048, Fault::Travel), 41);
+    // 5 A are 250 counts of the converter.
+    assert_eq!(on(0, 2048 + 251, Fault::Overcurrent), 0);
+    assert_eq!(on(0, 2048 - 251, Fault::Overcurrent), 0);
+    // 40 counts a period are 15.3 rad/s; an observer of bandwidth ω shows two thirds of a speed by ωt = 2.3, and the input,
+    // which the model takes for a push, only makes it see more.
+    let seen = 2.3 / f64::from(parameters().control.observer_bandwidth * 1e-3);
+    assert!(f64::from(on(40, 2048, Fault::Overspeed)) <= seen.ceil());
+    // The next run without bounds has none.
+    board.tell(Command::Enable).expect("nothing is wrong");
+    assert_eq!(healthy(&mut board).input, 0.5);
+}
+
 #[test]
 fn silence_and_standstill_turn_the_bridge_off_when_their_limits_say() {
     let Some(mut board) = running(Transport::Fast, &parameters()) else {
@@ -557,7 +615,8 @@ fn the_commands_give_the_same_bytes_with_and_without_the_emulator() {
     let emulated = run("emulate", "emulated.csv", &json);
     assert_eq!(emulated, run("emulate", "again.csv", &["--image", image]));
     assert_eq!(emulated, run("emulate", "host.csv", &["--on-host"]));
-    assert_eq!(emulated, run("record", "ring.csv", &["--image", image]));
+    let by_ring = run("emulate", "ring.csv", &["--ring", "--image", image]);
+    assert_eq!(emulated, by_ring);
     assert_eq!(emulated.lines().next(), Some("t[s],u[N*m],q[rad]"));
     assert_eq!(emulated.lines().count(), 3001);
     let report = std::fs::read_to_string(folder.path().join("run.json")).expect("a report");

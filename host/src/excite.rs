@@ -20,7 +20,51 @@ pub enum Shape {
     Steps,
     /// Zero for a tenth of the time, then the amplitude.
     Hold,
+    /// The [`STAGES`] one after the other: slow ramps, steps, and sines over the band.
+    Sequence,
 }
+
+impl Shape {
+    /// Whether it has rates worth feeding forward, as one with corners has not.
+    pub const fn is_smooth(self) -> bool {
+        matches!(self, Self::Chirp | Self::Multisine)
+    }
+}
+
+/// A stage of [`Shape::Sequence`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stage {
+    /// Its name: slow and fast ones are called as by `WPILib` `SysId`.
+    pub name: &'static str,
+    /// What the signal does in it, with the amplitude in the place of `A`.
+    pub text: &'static str,
+    /// The share of the whole that it ends at.
+    pub end: f64,
+}
+
+/// What a whole sequence consists of. Each stage leaves an axis about where it began: it goes both ways.
+pub const STAGES: [Stage; 4] = [
+    Stage {
+        name: "quasistatic forwards",
+        text: "slowly from zero to A and back to zero",
+        end: 0.25,
+    },
+    Stage {
+        name: "quasistatic backwards",
+        text: "slowly from zero to -A and back to zero",
+        end: 0.5,
+    },
+    Stage {
+        name: "dynamic",
+        text: "at once to A, to -A, to A and to zero; the same backwards",
+        end: 0.7,
+    },
+    Stage {
+        name: "multisine",
+        text: "many frequencies of the band at once, up to A",
+        end: 1.0,
+    },
+];
 
 /// A test signal.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,6 +111,7 @@ impl Excitation {
             }),
             Shape::Steps => self.steps(t),
             Shape::Hold => line(&|t| f64::from(t >= 0.1 * self.duration)),
+            Shape::Sequence => self.sequence(t),
         }
     }
 
@@ -101,6 +146,34 @@ impl Excitation {
         values
     }
 
+    fn sequence(&self, t: &[f64]) -> Vec<f64> {
+        let share = |t: f64| t / self.duration;
+        let [forwards, backwards, dynamic, _] = STAGES.map(|stage| stage.end);
+        // Rises to one in the middle of a stage.
+        let tent = |x: f64, from: f64, to: f64| 1.0 - (2.0 * (x - from) / (to - from) - 1.0).abs();
+        let mut values: Vec<f64> = t
+            .iter()
+            .map(|&t| match share(t) {
+                x if x < forwards => tent(x, 0.0, forwards),
+                x if x < backwards => -tent(x, forwards, backwards),
+                x if x < dynamic => step((x - backwards) / (dynamic - backwards)),
+                _ => 0.0,
+            })
+            .map(|x| self.amplitude * x)
+            .collect();
+        let sines = values.len() - t.iter().filter(|&&t| share(t) >= dynamic).count();
+        let rest: Vec<f64> = t[sines..]
+            .iter()
+            .map(|t| t - dynamic * self.duration)
+            .collect();
+        let last = Self {
+            duration: (1.0 - dynamic) * self.duration,
+            ..*self
+        };
+        values[sines..].copy_from_slice(&last.multisine(&rest));
+        values
+    }
+
     fn steps(&self, t: &[f64]) -> Vec<f64> {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         let (mut until, mut level) = (0.0, 0.0);
@@ -115,6 +188,15 @@ impl Excitation {
             })
             .collect()
     }
+}
+
+/// Forwards, twice as long backwards, forwards, and a rest, in the first half; the same the other way in the second. An
+/// inertia comes to rest where it began.
+fn step(share: f64) -> f64 {
+    const LEVELS: [f64; 5] = [1.0, -1.0, -1.0, 1.0, 0.0];
+    let place = (2.0 * LEVELS.len() as f64 * share) as usize;
+    let side = if place < LEVELS.len() { 1.0 } else { -1.0 };
+    side * LEVELS[place % LEVELS.len()]
 }
 
 #[cfg(test)]
@@ -149,6 +231,7 @@ mod tests {
             Shape::Triangle,
             Shape::Steps,
             Shape::Hold,
+            Shape::Sequence,
         ] {
             let (_, x) = signal(shape, 3);
             let peak = x.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
@@ -175,6 +258,38 @@ mod tests {
         let rises = rises(&t, &x);
         assert!(x[0].abs() < 1e-12 && x[1] > 0.0);
         assert!(rises.windows(2).all(|r| (r[1] - r[0] - 4.0).abs() < 2e-3));
+    }
+
+    #[test]
+    fn the_stages_of_a_sequence_go_both_ways() {
+        let (t, x) = signal(Shape::Sequence, 1);
+        let mut from = 0.0;
+        for stage in super::STAGES {
+            let inside = |t: f64| (from..20.0 * stage.end).contains(&t);
+            let part: Vec<f64> = t
+                .iter()
+                .zip(&x)
+                .filter(|(t, _)| inside(**t))
+                .map(|(_, x)| *x)
+                .collect();
+            let most = part.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+            assert!((most - 0.5).abs() < 1e-3, "{}: {most}", stage.name);
+            from = 20.0 * stage.end;
+        }
+        // 10,000 samples to the end of the ramps, which go as far back as forth, and 4,000 of steps.
+        for part in [&x[..10_000], &x[10_000..14_000]] {
+            assert!(part.iter().sum::<f64>().abs() < 1.0);
+        }
+        // An inertia is back: the sum of the sums of a stage of steps.
+        let mut speed = 0.0;
+        let way: f64 = x[10_000..14_000]
+            .iter()
+            .map(|x| {
+                speed += x;
+                speed
+            })
+            .sum();
+        assert!(way.abs() < 4000.0, "{way}");
     }
 
     #[test]

@@ -148,6 +148,11 @@ fn superscript(power: i32) -> String {
     power.to_string().chars().map(digit).collect()
 }
 
+/// The shortest decimal that single precision takes for this number: a period of 0.001 s and not of 0.0010000000475 s.
+pub fn decimal(x: f32) -> f64 {
+    x.to_string().parse().unwrap_or_else(|_| x.into())
+}
+
 #[cfg(test)]
 mod tests {
     use super::{

@@ -78,7 +78,7 @@ fn the_command_gives_the_same_bytes_with_and_without_the_emulator_in_fixed_point
     let page = String::from_utf8(written("run.html")).expect("text");
     assert!(page.contains("in fixed point"));
     // It has no ring, and refuses before anything is run or written.
-    let (status, said) = run("record", "ring.csv", &["--image", image]);
+    let (status, said) = run("emulate", "ring.csv", &["--ring", "--image", image]);
     assert!(status == Some(2) && said.contains("no memory"), "{said}");
     assert!(!folder.path().join("ring.csv").exists());
 }

@@ -73,6 +73,8 @@ pub struct Output<T> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Controller<T> {
     parameters: Parameters<T>,
+    /// What `|u|` must stay within beside its parameter.
+    within: Option<T>,
     derived: Derived<T>,
     weights: Weights<T>,
     state: State<T>,
@@ -92,12 +94,13 @@ impl<T: Scalar> Controller<T> {
     /// A controller of an axis that is at rest where the encoder shows `counts`.
     pub fn new(parameters: Parameters<T>, counts: i32) -> Result<Self, Invalid> {
         parameters.check()?;
-        let derived = Derived::new(&parameters);
+        let derived = Derived::new(&parameters, None);
         Ok(Self {
             state: State::at_rest(counts, &parameters, &derived),
             derived,
             weights: Weights::new(),
             parameters,
+            within: None,
         })
     }
 
@@ -131,11 +134,18 @@ impl<T: Scalar> Controller<T> {
     /// only at rest, and [`Controller::reset`] after it.
     pub fn set_parameters(&mut self, parameters: Parameters<T>) -> Result<(), Invalid> {
         parameters.check()?;
-        self.derived = Derived::new(&parameters);
+        self.derived = Derived::new(&parameters, self.within);
         self.state
             .carry_over(&self.parameters, &parameters, &self.derived.rows);
         self.parameters = parameters;
         Ok(())
+    }
+
+    /// Keeps `|u|` within a bound from the next sample on, beside the parameter `command_limit`; `None` takes it away. It is
+    /// a limit like the parameter, so that neither the integral nor the observer is misled by it.
+    pub fn confine(&mut self, within: Option<T>) {
+        self.within = within;
+        self.derived = Derived::new(&self.parameters, within);
     }
 
     /// Forgets everything: the axis is at rest where the encoder shows `counts`.
@@ -233,6 +243,7 @@ impl<T: Scalar> Controller<T> {
             derived,
             weights,
             state,
+            ..
         } = self;
         let after = state.observer.velocity;
         // What is known of friction beyond the Coulomb level belongs to what acts.
@@ -383,7 +394,7 @@ impl<T: Scalar> Controller<T> {
     /// Command, torque and whether a limit cut them, for a command asked for.
     fn given(&self, wanted: T, velocity: T) -> (T, T, bool) {
         let p = &self.parameters;
-        let command = wanted.clamp_symmetric(p.command_limit);
+        let command = wanted.clamp_symmetric(self.derived.ceiling);
         let made = p.gain * (command - p.back_emf * velocity);
         (command, made, command != wanted)
     }
@@ -394,7 +405,7 @@ impl<T: Scalar> Controller<T> {
         let counter = p.back_emf * velocity;
         let allowed = torque.clamp_symmetric(p.torque_limit);
         let wanted = allowed * self.derived.per_torque + counter;
-        let command = wanted.clamp_symmetric(p.command_limit);
+        let command = wanted.clamp_symmetric(self.derived.ceiling);
         let saturated = allowed != torque || command != wanted;
         let made = if command == wanted {
             allowed

@@ -22,6 +22,8 @@ pub(super) struct Derived<T> {
     pub per_stribeck: T,
     /// One over the speed of crossing.
     pub per_crossing: T,
+    /// Largest `|u|`.
+    pub ceiling: T,
     /// Largest torque at standstill.
     pub most: T,
     /// Counts that the set point may change flanks by in a sample.
@@ -35,8 +37,13 @@ pub(super) struct Derived<T> {
 }
 
 impl<T: Scalar> Derived<T> {
-    pub fn new(p: &Parameters<T>) -> Self {
-        let most = (p.gain * p.command_limit).abs();
+    /// For an axis whose `|u|` must stay `within` a bound beside its parameter.
+    pub fn new(p: &Parameters<T>, within: Option<T>) -> Self {
+        let ceiling = match within {
+            Some(bound) if bound < p.command_limit => bound,
+            _ => p.command_limit,
+        };
+        let most = (p.gain * ceiling).abs();
         let backlash = &p.effects.backlash;
         let (waves, uneven) = (p.effects.waves(), p.effects.friction.is_any());
         Self {
@@ -53,6 +60,7 @@ impl<T: Scalar> Derived<T> {
             per_torque: T::ONE / p.gain,
             per_stribeck: T::ONE / p.friction.stribeck_velocity,
             per_crossing: T::ONE / p.compensation.crossing,
+            ceiling,
             most: if most < p.torque_limit {
                 most
             } else {

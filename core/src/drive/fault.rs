@@ -12,7 +12,7 @@ pub enum Fault {
     EncoderLoss = 2,
     /// The position moved further in one period than the axis can.
     EncoderJump = 3,
-    /// The motor current beyond `limits.current`.
+    /// The motor current beyond `limits.current`, or beyond the bound of a run.
     Overcurrent = 4,
     /// The bus voltage below `limits.bus_min`.
     Undervoltage = 5,
@@ -32,6 +32,10 @@ pub enum Fault {
     Watchdog = 12,
     /// The crystal has stopped.
     Clock = 13,
+    /// The axis has left the travel of a run within bounds.
+    Travel = 14,
+    /// The axis is faster than a run within bounds may be.
+    Overspeed = 15,
 }
 
 /// What the host says about a fault.
@@ -49,7 +53,7 @@ pub struct Page {
 
 impl Fault {
     /// All faults in the order of their numbers.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 15] = [
         Self::StaleCommand,
         Self::EncoderLoss,
         Self::EncoderJump,
@@ -63,6 +67,8 @@ impl Fault {
         Self::Unsound,
         Self::Watchdog,
         Self::Clock,
+        Self::Travel,
+        Self::Overspeed,
     ];
 
     /// The number that messages and logs carry.
@@ -78,7 +84,7 @@ impl Fault {
 
 const SAME_PERIOD: &str = "the period of the bad sample itself.";
 
-const PAGES: [Page; 13] = [
+const PAGES: [Page; 15] = [
     Page {
         id: "stale-command",
         detection: "no set point has come for `limits.command_timeout` periods while the axis runs",
@@ -99,9 +105,9 @@ const PAGES: [Page; 13] = [
     },
     Page {
         id: "overcurrent",
-        detection: "the measured current was beyond `limits.current`, or the break input of the timer has turned the bridge off",
+        detection: "the measured current was beyond `limits.current` or the bound of a run that `bristle record` has begun, or the break input of the timer has turned the bridge off",
         reaction: SAME_PERIOD,
-        remedy: "Look for a short circuit and a blocked axis; lower `control.command_limit` or raise `limits.current` within the ratings of bridge and motor.",
+        remedy: "Look for a short circuit and a blocked axis; lower `control.command_limit` or raise `limits.current` and `--current` within the ratings of bridge and motor.",
     },
     Page {
         id: "undervoltage",
@@ -156,6 +162,18 @@ const PAGES: [Page; 13] = [
         detection: "the clock security system found that the crystal has stopped",
         reaction: "at once, by interrupt",
         remedy: "Check the crystal. The board runs on from its internal oscillator with the bridge off until it is reset.",
+    },
+    Page {
+        id: "travel",
+        detection: "the position was further from where `bristle record` turned the axis on than the bound that it set for this run",
+        reaction: SAME_PERIOD,
+        remedy: "Begin in the middle of the axis' range, lower --amplitude, or raise --travel as far as there is room: with the bridge off the axis coasts on.",
+    },
+    Page {
+        id: "overspeed",
+        detection: "the velocity of the observer was beyond the bound that `bristle record` set for this run",
+        reaction: "the period in which the observer shows it; it follows the axis within about one over `control.observer_bandwidth`",
+        remedy: "Lower --amplitude, or raise --speed within what the axis bears.",
     },
 ];
 

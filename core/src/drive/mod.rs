@@ -15,11 +15,12 @@
 //! # Run states
 //! | from | to | when |
 //! | --- | --- | --- |
-//! | off | running | the command to enable, without a latched fault |
+//! | off | running | the command to enable, with or without [`Bounds`] for the run, without a latched fault |
 //! | running | off | the command to disable |
 //! | any | faulted | a [`Fault`]; the bridge is off from this very period on |
 //! | faulted | off | the command to clear, which takes the causes that are gone |
 
+mod bounds;
 pub mod fault;
 mod legs;
 mod mailbox;
@@ -32,6 +33,7 @@ pub mod signal;
 pub mod store;
 mod winding;
 
+pub use bounds::Bounds;
 pub use fault::{Fault, Faults};
 pub use mailbox::Mailbox;
 pub use monitor::Reading;
@@ -39,6 +41,7 @@ pub use number::Number;
 pub use parameters::{Limits, Parameters};
 pub use sample::{Encoder, Sample};
 
+use bounds::Confines;
 use monitor::Monitor;
 use recorder::Recorder;
 use serde::{Deserialize, Serialize};
@@ -125,6 +128,8 @@ pub struct Drive<'a, T> {
     encoder: Encoder,
     monitor: Monitor,
     state: State,
+    /// Of this run.
+    confines: Option<Confines<T>>,
     faults: Faults,
     set_point: SetPoint<T>,
     winding: Winding<T>,
@@ -147,6 +152,7 @@ impl<'a, T: Number> Drive<'a, T> {
             encoder: Encoder::new(),
             monitor: Monitor::new(),
             state: State::Off,
+            confines: None,
             faults: Faults::NONE,
             set_point: SetPoint::Off,
             winding: Winding::new(),
@@ -176,7 +182,11 @@ impl<'a, T: Number> Drive<'a, T> {
         let driven = (self.state == State::Running).then_some(self.input);
         let limits = &self.parameters.limits;
         let found = self.monitor.check(limits, &reading, news, driven);
-        self.latch(found);
+        let beyond = match self.in_force() {
+            Some(confines) => confines.check(self.encoder.total(), &reading),
+            None => Faults::NONE,
+        };
+        self.latch(found.and(beyond));
         if let Some(set_point) = news.set_point {
             self.set_point = set_point;
         }
@@ -212,6 +222,13 @@ impl<'a, T: Number> Drive<'a, T> {
         }
     }
 
+    /// The bounds of a run that goes on.
+    #[inline]
+    fn in_force(&self) -> Option<&Confines<T>> {
+        let confines = self.confines.as_ref();
+        confines.filter(|_| self.state == State::Running)
+    }
+
     /// The control law. Without power it is asked for nothing, and goes on observing.
     #[inline]
     fn law(&mut self, probe: &mut impl Probe) -> Output<T> {
@@ -224,6 +241,12 @@ impl<'a, T: Number> Drive<'a, T> {
         if !(output.finite && output.velocity.is_sound() && output.torque.is_sound()) {
             self.raise(Fault::Unsound);
             self.controller.reset(self.encoder.total());
+        }
+        if self
+            .in_force()
+            .is_some_and(|c| c.is_passed_by(output.velocity))
+        {
+            self.raise(Fault::Overspeed);
         }
         output
     }
@@ -292,6 +315,18 @@ impl<'a, T: Number> Drive<'a, T> {
 
     /// Turns the axis on, with nothing asked of it.
     pub fn enable(&mut self) -> Result<(), Refusal> {
+        self.begin(None)
+    }
+
+    /// The same within bounds, which hold until the axis is off.
+    pub fn enable_within(&mut self, bounds: &Bounds<T>) -> Result<(), Refusal> {
+        if !bounds.is_valid() {
+            return Err(Refusal::Invalid);
+        }
+        self.begin(Some(*bounds))
+    }
+
+    fn begin(&mut self, bounds: Option<Bounds<T>>) -> Result<(), Refusal> {
         match self.state {
             State::Off => {}
             State::Running => return Err(Refusal::Running),
@@ -301,7 +336,10 @@ impl<'a, T: Number> Drive<'a, T> {
         self.input = T::ZERO;
         self.winding = Winding::new();
         self.monitor = Monitor::new();
-        self.controller.reset(self.encoder.total());
+        let origin = self.encoder.total();
+        self.confines = bounds.map(|bounds| Confines { bounds, origin });
+        self.controller.confine(bounds.map(|bounds| bounds.input));
+        self.controller.reset(origin);
         self.state = State::Running;
         Ok(())
     }

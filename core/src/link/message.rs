@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::control::SetPoint;
 use crate::drive::recorder::{Contents, Order};
 use crate::drive::signal::{SIGNALS, Selection};
-use crate::drive::{Faults, Parameters, Refusal, Sample, State};
+use crate::drive::{Bounds, Faults, Parameters, Refusal, Sample, State};
 
 /// Changes whenever an older peer would misread a message.
 ///
@@ -70,6 +70,8 @@ pub enum Command<T> {
     },
     /// Makes something go wrong; only an emulated board does.
     Inject(Injection),
+    /// Turns the axis on within bounds, which hold until it is off.
+    EnableWithin(Bounds<T>),
 }
 
 /// Faults that no sample can bring about.

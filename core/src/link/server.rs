@@ -40,6 +40,7 @@ pub fn serve<T: Number>(
         // The receiver passes these two on to the control task by itself.
         Command::Sample(_) | Command::SetPoint(_) => Err(Refusal::NotEmulated),
         Command::Enable => drive.enable().map(|()| Answer::Done),
+        Command::EnableWithin(ref bounds) => drive.enable_within(bounds).map(|()| Answer::Done),
         Command::Disable => {
             drive.disable();
             Ok(Answer::Done)

@@ -1,4 +1,4 @@
-//! An axis with Coulomb friction that follows a sine under full compensation, and on the STM32F405 with a recording of two
+//! An axis with Coulomb friction that follows a sine under full compensation and within bounds, and on the STM32F405 with a recording of two
 //! signals; and a counter of instructions: with `-icount shift=0`, TIM5 of the model of the STM32F405 counts one for each.
 //! The image for the STM32F100 runs there as well.
 
@@ -10,7 +10,7 @@ use bristle_core::control::{
 };
 use bristle_core::drive::recorder::{Order, Trigger};
 use bristle_core::drive::signal::{Selection, Signal};
-use bristle_core::drive::{Drive, Faults, News, Parameters, Sample};
+use bristle_core::drive::{Bounds, Drive, Faults, News, Parameters, Sample};
 use bristle_core::friction::Curve;
 use bristle_core::scalar::Scalar;
 use bristle_firmware::board::device::{Peripherals, TIM5};
@@ -198,7 +198,13 @@ pub fn drive(
         trigger: Trigger::Now,
         before: 0,
     });
-    drive.enable().ok()?;
+    let bounds = Bounds {
+        travel: 1 << 20,
+        speed: number(100.0, VELOCITY),
+        input: Real::ONE,
+        current: number(1e3, 1.0),
+    };
+    drive.enable_within(&bounds).ok()?;
     let mut axis = Axis::START;
     let mut current = 0.0;
     for (k, slot) in counts.iter_mut().enumerate() {

@@ -94,6 +94,8 @@ pub(super) enum Excite {
     Steps,
     /// Zero for a tenth of the time, then the amplitude
     Hold,
+    /// Slow ramps both ways, then steps both ways, then sines over the whole band
+    Sequence,
 }
 
 impl From<Excite> for Shape {
@@ -105,6 +107,7 @@ impl From<Excite> for Shape {
             Excite::Triangle => Self::Triangle,
             Excite::Steps => Self::Steps,
             Excite::Hold => Self::Hold,
+            Excite::Sequence => Self::Sequence,
         }
     }
 }

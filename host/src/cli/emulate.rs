@@ -1,8 +1,7 @@
-//! `bristle emulate` and `bristle record`
+//! `bristle emulate`
 
 use std::path::{Path, PathBuf};
 
-use bristle_core::control::SetPoint;
 use bristle_core::drive::recorder::{Order, Trigger};
 use bristle_core::drive::signal::{Selection, Signal};
 use bristle_core::drive::{Number, Parameters};
@@ -29,7 +28,7 @@ use crate::plant;
 use crate::report::{self, Emulation};
 use crate::tune::Wish;
 
-/// What both verbs say at the end of their long help.
+/// What the long help says at its end.
 const EXAMPLES: &str = "\
 Examples:
   bristle emulate --model axis.toml --excite multisine --amplitude 1 --out run.csv
@@ -140,13 +139,23 @@ impl Chip {
 
 /// What a test signal is followed by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Follow {
+pub(super) enum Follow {
     /// u itself, with the controllers off; under a current loop the current, A
     Input,
     /// Velocity, under control
     Velocity,
     /// Position, under control
     Position,
+}
+
+impl From<Follow> for emulate::Follow {
+    fn from(follow: Follow) -> Self {
+        match follow {
+            Follow::Input => Self::Input,
+            Follow::Velocity => Self::Velocity,
+            Follow::Position => Self::Position,
+        }
+    }
 }
 
 /// Transports.
@@ -186,17 +195,10 @@ pub(super) struct Emulate {
     /// --features log
     #[arg(long, value_name = "LOG.txt", conflicts_with = "on_host")]
     log: Option<PathBuf>,
-}
-
-/// Make a recording by the ring in the memory of the emulated board
-///
-/// The same run as `bristle emulate` makes, recorded not by the host but by the board itself, at full rate into the ring
-/// in its memory, and read out over the link afterwards. A run longer than the ring keeps its beginning.
-#[derive(Args, Debug)]
-#[command(after_long_help = EXAMPLES)]
-pub(super) struct Make {
-    #[command(flatten)]
-    options: Options,
+    /// Let the board record in the ring in its memory, and read that out afterwards: the same run and the same bytes, of which
+    /// one longer than the ring keeps the beginning
+    #[arg(long, conflicts_with = "on_host")]
+    ring: bool,
 }
 
 /// Everything that a run needs.
@@ -217,9 +219,36 @@ impl Emulate {
             emulate::decode(Path::new(""), &[])?;
         }
         match options.board {
+            Chip::Stm32f100 if self.ring => Err(Error::Usage(
+                "--board stm32f100 has no memory to record in; leave --ring out, and the host records"
+                    .to_owned(),
+            )),
             Chip::Stm32f405 => self.run_in::<f32>(),
             Chip::Stm32f100 => self.run_in::<Q16>(),
         }
+    }
+
+    /// The run on a board, recorded by the host or by the board.
+    fn run_on<T: Number>(
+        &self,
+        board: &mut Board<T>,
+        prepared: &mut Prepared<T>,
+    ) -> Result<Outcome<T>> {
+        if self.ring {
+            let selection = Selection::of(&[Signal::Input, Signal::Position, Signal::Current]);
+            board.record(Order {
+                selection,
+                every: 1,
+                trigger: Trigger::Now,
+                before: 0,
+            })?;
+        }
+        let mut outcome = prepared.run(board)?;
+        if self.ring {
+            let count = self.options.counts_unit(&prepared.model);
+            outcome.record = from_ring(board, &outcome, count)?;
+        }
+        Ok(outcome)
     }
 
     /// The run in the numbers of the board.
@@ -232,7 +261,7 @@ impl Emulate {
         } else {
             let image = options.image(self.log.is_some())?;
             let mut board = options.board(&image, &prepared, self.log.is_some())?;
-            let outcome = prepared.run(&mut board)?;
+            let outcome = self.run_on(&mut board, &mut prepared)?;
             let log = match &self.log {
                 Some(_) => emulate::decode(&image, &board.machine().take_log())?,
                 None => String::new(),
@@ -255,45 +284,8 @@ impl Emulate {
     }
 }
 
-impl Make {
-    pub fn run(&self) -> Status {
-        let options = &self.options;
-        options.check(&[Some(&options.out)])?;
-        if options.on_host {
-            return Err(Error::Usage(
-                "--on-host has no board to record on; leave it out, or use bristle emulate"
-                    .to_owned(),
-            ));
-        }
-        if options.board == Chip::Stm32f100 {
-            return Err(Error::Usage(
-                "--board stm32f100 has no memory to record in; use bristle emulate, which records on the host"
-                    .to_owned(),
-            ));
-        }
-        let mut prepared = options.prepare::<f32>()?;
-        let selection = Selection::of(&[Signal::Input, Signal::Position, Signal::Current]);
-        let mut board = options.board(&options.image(false)?, &prepared, false)?;
-        board.record(Order {
-            selection,
-            every: 1,
-            trigger: Trigger::Now,
-            before: 0,
-        })?;
-        let outcome = prepared.run(&mut board)?;
-        let record = from_ring(&mut board, &outcome, options.counts_unit(&prepared.model))?;
-        let mut outputs = Outputs::default();
-        outputs.add(Some(&options.out), || {
-            Ok(csv(&record, Some(&prepared.model)))
-        })?;
-        terminal::written(&outputs.write()?);
-        tell(&outcome);
-        Ok(DONE)
-    }
-}
-
 /// What the board has recorded, with the instants of its periods and the set points of the plan.
-fn from_ring(board: &mut Board<f32>, outcome: &Outcome<f32>, count: f64) -> Result<Record> {
+fn from_ring<T: Number>(board: &mut Board<T>, outcome: &Outcome<T>, count: f64) -> Result<Record> {
     board.tell(Request::StopRecording)?;
     let (contents, words) = board.recorded()?;
     let start = outcome.periods.first().map_or(0, |p| p.number);
@@ -306,7 +298,7 @@ fn from_ring(board: &mut Board<f32>, outcome: &Outcome<f32>, count: f64) -> Resu
         words.iter().skip(at.unwrap_or(0)).step_by(width)
     };
     let part = |all: &[f64]| all.iter().skip(first).take(rows).copied().collect();
-    let number = |word: &u32| f64::from(f32::from_bits(*word));
+    let number = |word: &u32| T::from_word(*word).to_f64();
     Ok(Record {
         t: part(&made.t),
         u: column(Signal::Input).map(number).collect(),
@@ -319,7 +311,7 @@ fn from_ring(board: &mut Board<f32>, outcome: &Outcome<f32>, count: f64) -> Resu
             column(Signal::Current).map(number).collect()
         },
         set_point: part(&made.set_point),
-        truth: Vec::new(),
+        truth: made.truth.iter().skip(first).take(rows).copied().collect(),
     })
 }
 
@@ -423,25 +415,14 @@ impl Options {
             seed: self.seed,
         };
         let signal = excitation.values(&t);
-        // A signal with corners has no rates worth feeding forward.
-        let smooth = matches!(shape, Shape::Chirp | Shape::Multisine);
-        let rates = |k: usize| {
-            let at = |k: usize| signal[k.min(signal.len() - 1)];
-            if smooth && k > 0 {
-                let (before, now, after) = (at(k - 1), at(k), at(k + 1));
-                let rate = 0.5 * (after - before) * self.rate;
-                (rate, (after - 2.0 * now + before) * self.rate * self.rate)
-            } else {
-                (0.0, 0.0)
-            }
-        };
-        let set_point = |k: usize| match self.follow {
-            Follow::Input => SetPoint::Command(T::from_f64(signal[k])),
-            Follow::Velocity => emulate::velocity(signal[k], rates(k).0, units),
-            Follow::Position => emulate::position(signal[k], rates(k), sensors.count, units),
-        };
+        let smooth = shape.is_smooth();
         Plan {
-            set_points: (0..t.len()).map(set_point).collect(),
+            set_points: emulate::Follow::from(self.follow).set_points(
+                &signal,
+                (self.rate, smooth),
+                sensors.count,
+                units,
+            ),
             positions: if self.follow == Follow::Position {
                 signal.clone()
             } else {

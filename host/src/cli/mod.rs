@@ -1,6 +1,8 @@
 //! The command line: one verb, one file.
 
 mod bench;
+#[cfg(unix)]
+mod briefing;
 mod completions;
 mod curve;
 #[cfg(unix)]
@@ -17,12 +19,18 @@ mod explain;
 mod flash;
 mod identify;
 mod input;
+#[cfg(unix)]
+mod interrupt;
 mod man;
 mod method;
 #[cfg(unix)]
 mod monitor;
 mod output;
+#[cfg(unix)]
+mod place;
 mod ports;
+#[cfg(unix)]
+mod record;
 mod reference;
 mod simulate;
 mod terminal;
@@ -42,8 +50,8 @@ use crate::error::{Error, Result};
 ///
 /// Start with `bristle demo`, then `bristle diagnose run.csv --model axis.toml --report report.html`.
 ///
-/// Exit status: 0 done, 1 internal failure, 2 unusable input or arguments, 3 only with `--check`: the model leaves something out, or
-/// the board holds other parameters.
+/// Exit status: 0 done, 1 internal failure, 2 unusable input or arguments, 3 with `--check`: the model leaves something out, or
+/// the board holds other parameters; and from `record`: the run was cut short.
 #[derive(Debug, Parser)]
 #[command(name = "bristle", version, max_term_width = 100)]
 struct Cli {
@@ -61,7 +69,7 @@ enum Verb {
     #[cfg(unix)]
     Emulate(emulate::Emulate),
     #[cfg(unix)]
-    Record(emulate::Make),
+    Record(record::Command),
     Explain(explain::Command),
     Tune(tune::Command),
     #[cfg(unix)]

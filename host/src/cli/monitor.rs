@@ -1,25 +1,19 @@
 //! `bristle monitor`
 
 use std::io::{IsTerminal, Write};
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use clap::Args;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
-use super::emulate::chosen_image;
+use super::interrupt;
+use super::place::Where;
 use super::{DONE, Outcome, terminal};
-use crate::emulate::{self, Axis, Sensors, Setup};
 use crate::error::{self, Error, Result};
-use crate::image::F405;
 use crate::model::Model;
 use crate::monitor::{Farewell, Handle, Kind, Monitor, Moves, Options, Server, screen};
 use crate::place::Place;
-use crate::plant;
-use crate::ports;
-use crate::tune::Wish;
 
 /// Watch a board live, move its axis, and record it
 ///
@@ -40,15 +34,16 @@ Examples:
   bristle monitor --emulate truth.toml --known found.toml --compensate --limit 2 --tui
   bristle monitor /dev/ttyUSB0 --model found.toml --speed 5")]
 pub(super) struct Command {
-    /// Serial port of the board [default: the one port at which a board answers]
-    #[arg(value_name = "PORT", conflicts_with = "emulate")]
-    port: Option<String>,
-    /// An emulated board, with the axis of this model file simulated around it
-    #[arg(long, value_name = "MODEL.toml", requires = "limit")]
-    emulate: Option<PathBuf>,
-    /// Model file that tells the name and the units of the axis at a port
-    #[arg(long, value_name = "M.toml", conflicts_with = "emulate")]
-    model: Option<PathBuf>,
+    #[command(flatten)]
+    place: Where,
+    /// Largest input that the board may apply, in the unit of u
+    #[arg(
+        long,
+        value_name = "U",
+        requires = "emulate",
+        allow_negative_numbers = true
+    )]
+    limit: Option<f64>,
     /// Largest velocity to ask for, and that of moves to a position, rad/s or m/s
     #[arg(
         long,
@@ -78,70 +73,13 @@ pub(super) struct Command {
         conflicts_with = "tui"
     )]
     http: u16,
-    #[command(flatten)]
-    emulated: Emulated,
-}
-
-/// Options of an emulated board.
-#[derive(Args, Debug)]
-#[command(next_help_heading = "With --emulate")]
-struct Emulated {
-    /// Model file of what the board knows of the axis [default: the same]
-    #[arg(long, value_name = "KNOWN.toml", requires = "emulate")]
-    known: Option<PathBuf>,
-    /// Largest input that the board may apply, in the unit of u
-    #[arg(
-        long,
-        value_name = "U",
-        requires = "emulate",
-        allow_negative_numbers = true
-    )]
-    limit: Option<f64>,
-    /// Compensate the friction and the effects that the board knows of
-    #[arg(long, requires = "emulate")]
-    compensate: bool,
-    /// Frequency up to which the position follows its set point, Hz [default: a hundredth of the rate]
-    #[arg(
-        long,
-        value_name = "HZ",
-        requires = "emulate",
-        allow_negative_numbers = true
-    )]
-    bandwidth: Option<f64>,
-    /// Control periods a second
-    #[arg(
-        long,
-        value_name = "HZ",
-        default_value_t = 1000.0,
-        allow_negative_numbers = true
-    )]
-    rate: f64,
-    /// Encoder counts per turn or per metre
-    #[arg(
-        long,
-        value_name = "N",
-        default_value_t = 16384.0,
-        allow_negative_numbers = true
-    )]
-    counts: f64,
-    /// Image of the firmware [default: built from the sources by cargo]
-    #[arg(
-        long,
-        value_name = "ELF",
-        requires = "emulate",
-        conflicts_with = "on_host"
-    )]
-    image: Option<PathBuf>,
-    /// Run the same drive on the host, without the emulator
-    #[arg(long, requires = "emulate")]
-    on_host: bool,
 }
 
 impl Command {
     pub fn run(&self) -> Outcome {
         self.check()?;
         let (place, model) = self.place()?;
-        let ended = signals()?;
+        let ended = interrupt::signals()?;
         let options = Options {
             model,
             moves: Moves {
@@ -167,16 +105,13 @@ impl Command {
     }
 
     fn check(&self) -> Result<()> {
-        let emulated = &self.emulated;
         error::positive(&[
             ("--speed", Some(self.speed)),
             ("--acceleration", self.acceleration),
             ("--telemetry", self.telemetry),
-            ("--limit", emulated.limit),
-            ("--bandwidth", emulated.bandwidth),
-            ("--rate", Some(emulated.rate)),
-            ("--counts", Some(emulated.counts)),
+            ("--limit", self.limit),
         ])?;
+        self.place.check()?;
         if !self.folder.is_dir() {
             return Err(Error::Usage(format!(
                 "--folder {}: there is no such folder; make it first, or name another",
@@ -193,23 +128,14 @@ impl Command {
 
     /// Where the board is, and the model of its axis if one is known.
     fn place(&self) -> Result<(Place, Option<Model>)> {
-        if let Some(path) = &self.emulate {
-            let axis = self.emulated.axis(path)?;
-            let model = axis.model.clone();
-            let image = if self.emulated.on_host {
-                None
-            } else {
-                Some(chosen_image(self.emulated.image.as_deref(), F405, false)?)
-            };
-            let axis = Box::new(axis);
-            return Ok((Place::Emulated { image, axis }, Some(model)));
+        match (&self.place.emulate, self.limit) {
+            (Some(path), Some(limit)) => self.place.emulated(path, limit),
+            (Some(_), None) => Err(Error::Usage(
+                "--emulate needs --limit, the largest input that the board may apply, in the unit of u"
+                    .to_owned(),
+            )),
+            (None, _) => self.place.at_port(),
         }
-        let model = self.model.as_deref().map(Model::read).transpose()?;
-        let port = match &self.port {
-            Some(port) => port.clone(),
-            None => only_board()?,
-        };
-        Ok((Place::Port(port), model))
     }
 
     fn serve(&self, handle: &Handle, ended: &AtomicBool) -> Result<()> {
@@ -224,63 +150,6 @@ impl Command {
         }
         Ok(())
     }
-}
-
-impl Emulated {
-    fn axis(&self, path: &Path) -> Result<Axis> {
-        let model = Model::read(path)?;
-        plant::new(&model).map_err(|e| e.in_model(path))?;
-        let known_path = self.known.as_deref().unwrap_or(path);
-        let known = Model::read(known_path)?;
-        let sensors = Sensors::emulated(model.motion.turn() / self.counts);
-        let setup = Setup {
-            wish: Wish {
-                bandwidth: self.bandwidth.unwrap_or(self.rate / 100.0),
-                rate: self.rate,
-                counts: self.counts,
-                limit: self.limit.unwrap_or_default(),
-                current: None,
-            },
-            compensate: self.compensate,
-        };
-        let parameters = emulate::parameters(&known, &setup, &sensors);
-        Ok(Axis {
-            parameters: parameters.map_err(|e| e.in_model(known_path))?,
-            model,
-            sensors,
-        })
-    }
-}
-
-/// The port at which the only board answers.
-fn only_board() -> Result<String> {
-    let mut ports = ports::list()?;
-    ports.iter_mut().for_each(ports::Port::ask);
-    let boards: Vec<&str> = ports
-        .iter()
-        .filter(|p| p.has_board())
-        .map(|p| p.name.as_str())
-        .collect();
-    match boards.as_slice() {
-        [one] => Ok((*one).to_owned()),
-        [] => Err(Error::Usage(
-            "no board answers at any serial port (bristle ports says what is at each); name its port, or use --emulate".to_owned(),
-        )),
-        several => Err(Error::Usage(format!(
-            "boards answer at {}; name the port of one",
-            several.join(", ")
-        ))),
-    }
-}
-
-/// Set by the signals that end a program.
-fn signals() -> Result<Arc<AtomicBool>> {
-    let ended = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM, SIGHUP] {
-        let registered = signal_hook::flag::register(signal, Arc::clone(&ended));
-        registered.map_err(|e| Error::Internal(format!("no handler for signal {signal}: {e}")))?;
-    }
-    Ok(ended)
 }
 
 /// What was saved while it was closed.

@@ -15,6 +15,7 @@
 //!   where there is none.
 
 mod board;
+mod follow;
 mod live;
 mod log;
 mod machine;
@@ -24,6 +25,7 @@ mod setup;
 mod twin;
 
 pub use board::Board;
+pub use follow::Follow;
 pub use live::{Axis, Live};
 pub use log::decode;
 pub use machine::{Launch, Machine, QEMU, Transport};

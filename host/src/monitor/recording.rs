@@ -7,8 +7,9 @@ use std::thread::JoinHandle;
 use bristle_core::drive::signal::Signal;
 
 use super::view::Sample;
-use crate::bench::{self, Record};
+use crate::bench;
 use crate::error::{Error, Result};
+use crate::guided::{Row, Rows};
 use crate::model::Model;
 
 /// More than anybody means to record; the monitor ends a recording there.
@@ -59,7 +60,8 @@ impl Recording {
     }
 
     fn write(&self, form: &Form) -> Result<Saved> {
-        let text = bench::csv(&self.record(form), form.model.as_ref());
+        let rows = self.recorded();
+        let text = bench::csv(&rows.record(form.period), form.model.as_ref());
         let unwritable = |path: &Path, reason| Error::Unwritable {
             path: path.to_owned(),
             reason,
@@ -78,7 +80,7 @@ impl Recording {
                     return Ok(Saved {
                         path,
                         rows: self.rows.len(),
-                        missing: self.missing(form),
+                        missing: rows.missing(form.every),
                     });
                 }
                 Err(e) if e.error.kind() == std::io::ErrorKind::AlreadyExists => file = e.file,
@@ -88,36 +90,18 @@ impl Recording {
         Err(Error::Internal("there are no more numbers".to_owned()))
     }
 
-    fn record(&self, form: &Form) -> Record {
-        let first = self.rows.first().map_or(0, |row| row.period);
-        let column = |signal: Signal| -> Vec<f64> {
-            self.rows
-                .iter()
-                .map(|row| row.values[signal as usize])
-                .collect()
+    /// The rows as every recording of a board has them.
+    fn recorded(&self) -> Rows {
+        let row = |sample: &Sample| {
+            let value = |signal: Signal| sample.values[signal as usize];
+            Row {
+                period: sample.period,
+                input: value(Signal::Input),
+                position: value(Signal::Position),
+                current: value(Signal::Current),
+            }
         };
-        let mut current = column(Signal::Current);
-        if current.iter().all(|&i| i == 0.0) {
-            // An axis without a motor, or a converter that is not connected.
-            current.clear();
-        }
-        let instant = |row: &Sample| f64::from(row.period.wrapping_sub(first)) * form.period;
-        Record {
-            t: self.rows.iter().map(instant).collect(),
-            u: column(Signal::Input),
-            q: column(Signal::Position),
-            current,
-            ..Record::default()
-        }
-    }
-
-    fn missing(&self, form: &Form) -> usize {
-        let every = u32::from(form.every.max(1));
-        let pairs = self.rows.windows(2);
-        let between = |pair: &[Sample]| pair[1].period.wrapping_sub(pair[0].period) / every;
-        pairs
-            .map(|pair| between(pair).saturating_sub(1) as usize)
-            .sum()
+        Rows(self.rows.iter().map(row).collect())
     }
 }
 

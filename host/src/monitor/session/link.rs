@@ -10,6 +10,7 @@ use bristle_core::link::Command;
 use super::{ANSWER, RETRY, Session};
 use crate::deploy;
 use crate::error::{Error, Result};
+use crate::format::decimal;
 use crate::link::{Peer, Wire};
 use crate::monitor::About;
 use crate::monitor::aim::{Aim, Mode};
@@ -112,7 +113,7 @@ impl Session {
         })?;
         peer.wire().set_patience(TURN)?;
         self.aim = Aim::new(self.options.moves, parameters.control.count.into());
-        self.form.period = written(parameters.control.period);
+        self.form.period = decimal(parameters.control.period);
         self.form.every = every;
         let about = About::new(
             self.place.name(),
@@ -193,9 +194,4 @@ impl Session {
         }
         Ok(())
     }
-}
-
-/// The shortest decimal that single precision takes for this number: a period of 0.001 s and not of 0.0010000000475 s.
-fn written(x: f32) -> f64 {
-    x.to_string().parse().unwrap_or_else(|_| x.into())
 }

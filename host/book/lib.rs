@@ -1,0 +1,1 @@
+//! The book in `src`, which `tests/render.rs` renders.
