@@ -405,7 +405,7 @@ fn every_fault_of_a_sample_turns_the_bridge_off_in_its_own_period() {
 /// first period on.
 #[test]
 fn the_bounds_of_a_run_end_it_in_time() {
-    let Some(mut board) = running(Transport::Fast, parameters()) else {
+    let Some(mut board) = running(Transport::Fast, &parameters()) else {
         return;
     };
     board.tell(Command::Disable).expect("it is turned off");

@@ -362,7 +362,7 @@ impl<'a, T: Number> Drive<'a, T> {
     /// Puts parameters in force from the next period on, all of them or none. While the axis runs, what [`parameters`] says must
     /// stay then has to be as it is.
     pub fn set(&mut self, parameters: &Parameters<T>) -> Result<(), Refusal> {
-        if !parameters.limits.is_valid() {
+        if !parameters.surrounds_validly() {
             return Err(Refusal::Invalid);
         }
         if self.state == State::Running && !self.parameters.may_become(parameters) {

@@ -81,9 +81,12 @@ impl<T: Number> Parameters<T> {
 
     /// Whether the set can be put in force.
     pub fn is_valid(&self) -> bool {
-        self.limits.is_valid()
-            && self.control.is_valid()
-            && self.current.is_none_or(|current| current.is_valid())
+        self.surrounds_validly() && self.control.is_valid()
+    }
+
+    /// The same of all but the control law, which a controller checks as it takes it.
+    pub fn surrounds_validly(&self) -> bool {
+        self.limits.is_valid() && self.current.is_none_or(|current| current.is_valid())
     }
 
     /// The set of a board that was never set up: with limits so low that no motor turns, and no compensation.
