@@ -50,8 +50,8 @@ use crate::error::{Error, Result};
 ///
 /// Start with `bristle demo`, then `bristle diagnose run.csv --model axis.toml --report report.html`.
 ///
-/// Exit status: 0 done, 1 internal failure, 2 unusable input or arguments, 3 with `--check`: the model leaves something out, or
-/// the board holds other parameters; and from `record`: the run was cut short.
+/// Exit status: 0 done, 1 internal failure or a failure of the board, 2 unusable input or arguments, 3 the model leaves something
+/// out (`diagnose --check`), the board holds other parameters (`deploy --check`), or a run was cut short (`record`).
 #[derive(Debug, Parser)]
 #[command(name = "bristle", version, max_term_width = 100)]
 struct Cli {

@@ -73,7 +73,13 @@ pub fn run<W: Wire>(
     follow: &dyn Fn(usize),
 ) -> Result<Excited> {
     board.wire().set_patience(ANSWER)?;
-    let origin = begin(board, run)?;
+    let origin = match begin(board, run) {
+        Ok(origin) => origin,
+        Err(e) => {
+            turn_off(board);
+            return Err(e);
+        }
+    };
     let mut going = Going {
         set_points: (run.set_points)(origin),
         run,

@@ -1,60 +1,15 @@
 //! The page of an experiment: with and without adaptation, side by side.
 
+mod drawn;
+mod firmware;
 mod plots;
+mod words;
 
-use super::page::{Figure, Item, Page, Role, Section, Table};
+use super::page::{Figure, Item, Page, Section, Table};
 use crate::format::{quantity, scaled_unit, significant, unit};
-use crate::servo::{Aim, Sample};
-use crate::trials::{Campaign, Claim, Experiment, Merit, OnBoard, Shown, Spread, Summary, Verdict};
-use plots::{over_time, plants, tracking_range};
-
-/// Where adaptation is all that differs.
-const SAME: &str = "Without: the same controller, gains and observer, with no torque against friction and nothing learned. Both have the same integral action, acceleration feed-forward, encoder, disturbance and limits.";
-
-/// What an experiment is called and measured in.
-struct Words {
-    title: &'static str,
-    what: &'static str,
-    /// What the controller does without adaptation, and what both have in common.
-    without: &'static str,
-    /// What is tracked, its unit, and those of command and friction level.
-    tracked: &'static str,
-    si: &'static str,
-    command: &'static str,
-    level: &'static str,
-}
-
-fn words(experiment: Experiment) -> Words {
-    match experiment {
-        Experiment::Srv02 => Words {
-            title: "Angular position of the SRV02 with on-line Coulomb estimation",
-            what: "A geared servo from the public data of the Quanser SRV02, each with a load, a viscous coefficient and a friction level of its own around 30 % of rated torque. Friction changes twice. A slow sine, then a slow triangle, a step, and a move back to a standstill.",
-            without: SAME,
-            tracked: "position",
-            si: "rad",
-            command: "V",
-            level: "N*m",
-        },
-        Experiment::DcMotor => Words {
-            title: "Angular velocity of a DC motor with Dahl friction, adapted by DBI off-line",
-            what: "A motor under voltage whose friction, around 30 % of rated torque, acts through bristles of known stiffness. Friction changes with the second of three stretches of a slow sine and a slow triangle in velocity; DBI sees the second stretch, and the third is judged.",
-            without: SAME,
-            tracked: "velocity",
-            si: "rad/s",
-            command: "V",
-            level: "N*m",
-        },
-        Experiment::MassSpring => Words {
-            title: "A mass on a spring with friction, tuned by its own identification",
-            what: "A controller that starts from catalogue values. DBI sees each stretch, and where its status allows, both the friction model and the gains are computed anew. Mass, spring and friction change after the second stretch; the last stretch is judged.",
-            without: "Without: the controller as it starts, with gains for the catalogue's mass, no spring and no friction. Tuned again, friction left alone: with the gains and the spring of its own identification, and no torque against friction. All have the same integral action, encoder, disturbance and limits.",
-            tracked: "position",
-            si: "m",
-            command: "N",
-            level: "N",
-        },
-    }
-}
+use crate::trials::{Campaign, Claim, OnBoard, Spread, Summary, Verdict};
+use plots::plants;
+use words::{Words, words};
 
 /// The page.
 pub(super) fn page(campaign: &Campaign, on_board: Option<&[OnBoard]>) -> Page {
@@ -99,13 +54,12 @@ pub(super) fn page(campaign: &Campaign, on_board: Option<&[OnBoard]>) -> Page {
             },
             Section {
                 title: format!("Plant {}", campaign.drawn),
-                items: one_plant(campaign, &words)
+                items: drawn::items(campaign, &words)
                     .into_iter()
                     .chain(
                         on_board
-                            .map(|runs| firmware(runs, &words))
                             .into_iter()
-                            .flatten(),
+                            .flat_map(|runs| firmware::items(runs, &words)),
                     )
                     .collect(),
             },
@@ -116,79 +70,6 @@ pub(super) fn page(campaign: &Campaign, on_board: Option<&[OnBoard]>) -> Page {
             method(&words),
         ],
     }
-}
-
-/// A figure of merit, by name.
-type Figured<'a> = (&'a str, &'a dyn Fn(&Merit) -> Option<f64>, &'a str);
-
-/// The runs of the plant above under the firmware, beside those on the host.
-fn firmware(runs: &[OnBoard], words: &Words) -> Vec<Item> {
-    let note = "The same plant under the firmware in QEMU: it gets encoder counts and set points period by period, its commands move the plant, DBI sees what came of it, and what is identified goes to the board while the axis runs. Equal are the periods in which counts, command and Coulomb level are the host's, bit for bit.";
-    let merits: [Figured; 6] = [
-        ("RMS error", &|m| Some(m.rms), words.si),
-        ("Peak error", &|m| Some(m.peak), words.si),
-        ("RMS of the command", &|m| Some(m.effort), words.command),
-        (
-            "Settling of a step within 2 %",
-            &|m| Some(m.step?.settling),
-            "s",
-        ),
-        ("Error at standstill", &|m| m.standstill, "counts"),
-        ("Time to converge", &|m| m.convergence, "s"),
-    ];
-    let mut rows = Vec::new();
-    for run in runs {
-        for (name, merit, si) in merits {
-            let both = [merit(&run.firmware), merit(&run.host)];
-            if both == [None, None] {
-                continue;
-            }
-            let told = |x: Option<f64>| {
-                x.map_or_else(
-                    || "–".to_owned(),
-                    |x| {
-                        let (factor, unit) = scaled_unit(x, si);
-                        quantity(factor * x, &unit)
-                    },
-                )
-            };
-            let [firmware, host] = both.map(told);
-            rows.push(vec![
-                run.way.name().to_owned(),
-                name.to_owned(),
-                firmware,
-                host,
-            ]);
-        }
-        rows.push(vec![
-            run.way.name().to_owned(),
-            "Equal periods".to_owned(),
-            run.equal.to_string(),
-            format!("of {}", run.periods),
-        ]);
-        rows.push(vec![
-            run.way.name().to_owned(),
-            "Sets of parameters while running".to_owned(),
-            run.sets.to_string(),
-            "–".to_owned(),
-        ]);
-    }
-    vec![
-        Item::Text {
-            text: note.to_owned(),
-        },
-        Item::Table(Table {
-            columns: [
-                "Friction",
-                "On this plant",
-                "On the firmware",
-                "On the host",
-            ]
-            .map(str::to_owned)
-            .to_vec(),
-            rows,
-        }),
-    ]
 }
 
 fn figures(summaries: &[Summary], words: &Words) -> Vec<Figure> {
@@ -295,103 +176,6 @@ fn over_plants(campaign: &Campaign, summaries: &[Summary], words: &Words) -> Vec
             plots: plots.collect(),
         },
     ]
-}
-
-fn one_plant(campaign: &Campaign, words: &Words) -> Vec<Item> {
-    let Some((alone, rest)) = campaign.shown.split_first() else {
-        return vec![Item::text("No plant was run.")];
-    };
-    let mut items = vec![Item::text(format!(
-        "{} Shaded: the times that are judged. Friction changes at {}.",
-        words.what,
-        campaign
-            .changes
-            .iter()
-            .map(|t| format!("{t:.0} s"))
-            .collect::<Vec<_>>()
-            .join(" and ")
-    ))];
-    let aim = |s: &Sample| match s.aim {
-        Aim::Position { q, .. } => q,
-        Aim::Velocity { v, .. } => v,
-    };
-    let did = |s: &Sample| match s.aim {
-        Aim::Position { .. } => s.truth.q,
-        Aim::Velocity { .. } => s.truth.v,
-    };
-    for shown in rest {
-        let what = shown.way.name();
-        items.push(Item::heading(format!(
-            "{}{}",
-            what[..1].to_uppercase(),
-            &what[1..]
-        )));
-        let mut plots = vec![
-            over_time(
-                campaign,
-                words.tracked,
-                words.si,
-                &[
-                    ("set point", Role::Measured, series(shown, aim)),
-                    ("without", Role::Before, series(alone, did)),
-                    ("with", Role::After, series(shown, did)),
-                ],
-            ),
-            over_time(
-                campaign,
-                &format!("{} error", words.tracked),
-                words.si,
-                &[
-                    ("without", Role::Before, series(alone, |s| aim(s) - did(s))),
-                    ("with", Role::After, series(shown, |s| aim(s) - did(s))),
-                ],
-            ),
-            over_time(
-                campaign,
-                "command",
-                words.command,
-                &[
-                    (
-                        "without",
-                        Role::Before,
-                        series(alone, |s| f64::from(s.act.command)),
-                    ),
-                    (
-                        "with",
-                        Role::After,
-                        series(shown, |s| f64::from(s.act.command)),
-                    ),
-                ],
-            ),
-            over_time(
-                campaign,
-                "Coulomb level",
-                words.level,
-                &[
-                    ("truth", Role::Measured, campaign.truth.clone()),
-                    (
-                        "in the controller",
-                        Role::After,
-                        series(shown, |s| f64::from(s.act.coulomb)),
-                    ),
-                ],
-            ),
-        ];
-        // Steps of the set point would leave nothing of the rest to see.
-        if let Some(error) = plots.get_mut(1) {
-            error.limit = tracking_range(campaign, alone, &|s| aim(s) - did(s));
-        }
-        items.extend(
-            plots
-                .into_iter()
-                .map(|plot| Item::Plots { plots: vec![plot] }),
-        );
-    }
-    items
-}
-
-fn series(shown: &Shown, value: impl Fn(&Sample) -> f64) -> Vec<f64> {
-    shown.samples.iter().map(value).collect()
 }
 
 fn dbi(campaign: &Campaign) -> Item {
