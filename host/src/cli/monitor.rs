@@ -30,7 +30,7 @@ use crate::place::Place;
 #[derive(Args, Debug)]
 #[command(after_long_help = "\
 Examples:
-  bristle monitor --emulate axis.toml --limit 2
+  bristle monitor --emulate found.toml --limit 2
   bristle monitor --emulate truth.toml --known found.toml --compensate --limit 2 --tui
   bristle monitor /dev/ttyUSB0 --model found.toml --speed 5")]
 pub(super) struct Command {

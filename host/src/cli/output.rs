@@ -140,6 +140,13 @@ pub(super) fn check(inputs: &[&Path], outputs: &[Option<&PathBuf>]) -> Result<()
         if !folder(output).is_dir() {
             return refuse(format!("there is no folder {}", folder(output).display()));
         }
+        // What is found only at the end costs a long computation, or a run of an axis.
+        if output.is_file() || !output.exists() {
+            tempfile::tempfile_in(folder(output)).map_err(|reason| Error::Unwritable {
+                path: PathBuf::clone(output),
+                reason,
+            })?;
+        }
     }
     Ok(())
 }

@@ -47,9 +47,9 @@ const CUT: u8 = 3;
 #[derive(Args, Debug)]
 #[command(after_long_help = "\
 Examples:
-  bristle record --emulate axis.toml --amplitude 0.5 --travel 100 --speed 40 --out run.csv
+  bristle record --emulate found.toml --amplitude 0.5 --travel 100 --speed 40 --out run.csv
   bristle record /dev/ttyUSB0 --model axis.toml --amplitude 2 --travel 30 --speed 20 --current 10 --out run.csv
-  bristle record --emulate axis.toml --follow position --excite multisine --amplitude 1 --band 0.1:2 --limit 2 \\
+  bristle record --emulate found.toml --follow position --excite multisine --amplitude 1 --band 0.1:2 --limit 2 \\
       --travel 1.5 --speed 20 --out run.csv
   bristle record /dev/ttyUSB0 --model axis.toml --signal next.csv --travel 3 --speed 20 --out next_run.csv")]
 pub(super) struct Command {

@@ -100,14 +100,15 @@ pub fn diagnose(
     } else {
         whitened(bench, &after)
     };
+    let warnings = check::warnings(bench, before, recordings);
     let leftover = unexplained(&leftover);
     let remains = certain.then_some(&leftover);
     let unexplained = remains.filter(|_| significant).cloned();
     let diagnosis = Diagnosis {
         schema: "bristle.diagnosis/1",
         verdict,
-        warnings: check::warnings(bench, before, recordings),
-        text: verdict_sentence(verdict, &findings, remains, departs),
+        text: verdict_sentence(verdict, &findings, remains, departs, !warnings.is_empty()),
+        warnings,
         baseline: Baseline {
             parameters: estimates(before, None),
             fit: baseline.fit,
@@ -157,12 +158,14 @@ fn verdict_sentence(
     findings: &[Finding],
     remains: Option<&Unexplained>,
     departs: bool,
+    doubtful: bool,
 ) -> String {
     let names: Vec<String> = findings
         .iter()
         .map(|f| format!("{} ({})", f.name, f.id))
         .collect();
     match verdict {
+        Verdict::Adequate if doubtful => "The model is adequate as far as this recording can tell, which the warnings limit: nothing significant is left out.".to_owned(),
         Verdict::Adequate => "The model is adequate: nothing significant is left out.".to_owned(),
         Verdict::Explained => {
             let they = if names.len() > 1 { "them" } else { "it" };
