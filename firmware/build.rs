@@ -2,9 +2,13 @@
 
 use std::path::PathBuf;
 
+/// The map of the workspace, which includes that of the chip.
+const MAP: &str = "../memory.x";
+
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
     println!("cargo::rerun-if-changed=memory");
+    println!("cargo::rerun-if-changed={MAP}");
     let target = |key: &str| std::env::var(format!("CARGO_CFG_TARGET_{key}")).unwrap_or_default();
     if target("OS") != "none" {
         return;
@@ -15,7 +19,9 @@ fn main() {
         _ => "stm32f100",
     };
     let folder = PathBuf::from(std::env::var_os("OUT_DIR").expect("cargo sets it"));
-    std::fs::copy(format!("memory/{chip}.x"), folder.join("memory.x")).expect("the map is there");
+    for (from, to) in [(MAP, "memory.x"), (&format!("memory/{chip}.x"), "chip.x")] {
+        std::fs::copy(from, folder.join(to)).expect("the map is there");
+    }
     println!("cargo::rustc-link-search={}", folder.display());
     // The vector table of cortex-m-rt, which includes memory.x.
     println!("cargo::rustc-link-arg=-Tlink.x");

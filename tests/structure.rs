@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// What may lie at the top level, beside names that begin with a dot.
-const TOP_LEVEL: [&str; 13] = [
+const TOP_LEVEL: [&str; 14] = [
     "CHANGELOG.md",
     "Cargo.lock",
     "Cargo.toml",
@@ -14,6 +14,7 @@ const TOP_LEVEL: [&str; 13] = [
     "core",
     "firmware",
     "host",
+    "memory.x",
     "rust-toolchain.toml",
     "tests",
     // Made by cargo and by `bristle demo`, and ignored by git.
