@@ -335,6 +335,18 @@ fn model_files() {
 }
 
 #[test]
+fn a_recording_in_the_place_of_a_model() {
+    let folder = Folder::with(PLAIN, SECONDS);
+    for line in verbs("run.csv", "run.csv") {
+        refused(
+            &folder,
+            &line,
+            &["run.csv", "by its name this is a recording"],
+        );
+    }
+}
+
+#[test]
 fn mapped_columns_that_are_not_there() {
     let folder = Folder::with(PLAIN, SECONDS);
     folder.write("axis.toml", complete() + "[columns]\nu = \"vir\"\n");

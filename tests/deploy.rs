@@ -103,7 +103,7 @@ fn what_cannot_be_deployed_is_refused_before_any_board_is_asked() {
         (format!("axis.toml --port no/port {good}"), "no/port"),
         (
             format!("axis.toml --port axis.toml {good}"),
-            "is it a serial port",
+            "a file and no serial port",
         ),
         (format!("unknown.toml --emulated {good}"), "inertia"),
         (format!("none.toml --emulated {good}"), "none.toml"),

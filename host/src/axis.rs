@@ -220,7 +220,7 @@ pub fn complete(model: &Model) -> Result<()> {
             format!("the model has no value for {missing}; write a number, as it is not estimated"),
         )),
         Some(missing) => Err(Error::Usage(format!(
-            "the model has no value for {missing}; run bristle identify first, or write a number"
+            "the model has no value for {missing}; take the file that bristle identify --model-out writes, or write a number"
         ))),
     }
 }

@@ -96,7 +96,7 @@ pub fn positive(options: &[(&str, Option<f64>)]) -> Result<()> {
     let bad = |(name, value): &(&str, Option<f64>)| {
         let value = value.filter(|x| !(*x > 0.0 && x.is_finite()))?;
         Some(Error::Usage(format!(
-            "{name} {value} must be a positive number"
+            "{name} {value} must be a positive, finite number"
         )))
     };
     options.iter().find_map(bad).map_or(Ok(()), Err)

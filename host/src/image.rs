@@ -71,7 +71,7 @@ pub fn build(target: Target, directory: Option<&Path>, more: &[&str]) -> Result<
         .output()
         .map_err(|e| {
             Error::Usage(format!(
-                "the firmware cannot be built without cargo ({e}); install Rust from https://rustup.rs, or give an image with --image"
+                "the firmware cannot be built without cargo ({e}); install Rust from https://rustup.rs, give an image with --image, or leave the emulator out with --on-host where the command has that"
             ))
         })?;
     if !output.status.success() {

@@ -107,7 +107,7 @@ const PAGES: [Page; 15] = [
         id: "overcurrent",
         detection: "the measured current was beyond `limits.current` or the bound of a run that `bristle record` has begun, or the break input of the timer has turned the bridge off",
         reaction: SAME_PERIOD,
-        remedy: "Look for a short circuit and a blocked axis; lower `control.command_limit` or raise `limits.current` and `--current` within the ratings of bridge and motor.",
+        remedy: "In a run of `bristle record`, ask for less amplitude or raise `--current`. Else look for a short circuit and a blocked axis, and lower `control.command_limit` or raise `limits.current`; all within the ratings of bridge and motor.",
     },
     Page {
         id: "undervoltage",

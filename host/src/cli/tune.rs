@@ -171,7 +171,7 @@ pub(super) fn refuse_unstable(following: &Margins, standing: &Margins, wish: &Wi
 fn gain(margins: &Margins) -> String {
     margins
         .gain
-        .map_or_else(|| "any".to_owned(), |gain| significant(gain, 3))
+        .map_or_else(|| "∞".to_owned(), |gain| significant(gain, 3))
 }
 
 fn print(model: &Model, tuned: &Tuned) {

@@ -274,7 +274,7 @@ fn gather(mut output: ChildStderr) -> JoinHandle<Vec<u8>> {
 fn spawn(mut command: Command) -> Result<Child> {
     command.spawn().map_err(|e| match e.kind() {
         ErrorKind::NotFound => Error::Usage(format!(
-            "{QEMU} is not installed, and the firmware runs in it; install it (Debian, Ubuntu: apt-get install {QEMU}; Fedora: dnf install {QEMU}-core; macOS: brew install qemu)"
+            "{QEMU} is not installed, and the firmware runs in it; install it (Debian, Ubuntu: apt-get install {QEMU}; Fedora: dnf install {QEMU}-core; macOS: brew install qemu), or leave it out with --on-host where the command has that"
         )),
         _ => Error::Emulator(format!("{QEMU} does not start: {e}")),
     })

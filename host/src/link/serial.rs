@@ -34,6 +34,9 @@ impl SerialLine {
                 | serialport::ErrorKind::Io(ErrorKind::NotFound) => {
                     "is the board plugged in, and is this its port (bristle ports lists them)? Another program may also have it open".to_owned()
                 }
+                _ if Path::new(name).is_file() => {
+                    "it is a file and no serial port (bristle ports lists them)".to_owned()
+                }
                 _ => "is it a serial port?".to_owned(),
             };
             Error::Usage(format!("{name}: cannot be opened: {e}; {hint}"))

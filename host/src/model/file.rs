@@ -205,8 +205,20 @@ fn read(path: &Path, parse: impl Fn(&str) -> std::result::Result<Model, String>)
     })?;
     parse(&text).map_err(|what| Error::Model {
         path: path.to_owned(),
-        what,
+        what: if is_recording(path) {
+            format!("{what}; by its name this is a recording, and a model file (TOML) belongs here")
+        } else {
+            what
+        },
     })
+}
+
+fn is_recording(path: &Path) -> bool {
+    let ending = path
+        .extension()
+        .and_then(|e| e.to_str())
+        .unwrap_or_default();
+    ["csv", "parquet", "mat"].contains(&ending.to_ascii_lowercase().as_str())
 }
 
 type Checked<T> = std::result::Result<T, Problem>;

@@ -269,7 +269,8 @@ function choose(next) {
 const aim = (value) => post("do", { do: "aim", mode, value });
 
 for (const name of MODES) {
-  const button = make("button", { type: "button", textContent: name });
+  // Like all that asks for something, until the board has said what it is.
+  const button = make("button", { type: "button", textContent: name, disabled: true });
   button.addEventListener("click", () => {
     choose(name);
     // A position is gone to when it is applied, and a velocity of zero holds still at once.
