@@ -15,6 +15,7 @@ use bristle::emulate::{
 };
 use bristle::flash;
 use bristle::image;
+use bristle::link::Recorded;
 use bristle::model::Model;
 use bristle::plant;
 use bristle::tune::{self, Wish};
@@ -296,7 +297,7 @@ fn the_ring_holds_what_the_host_saw_from_the_trigger_on() {
     board.record(order).expect("the order is taken");
     let outcome = run(&mut board, 3000);
     board.tell(Command::StopRecording).expect("it stops");
-    let (contents, words) = board.recorded().expect("a recording");
+    let Recorded { contents, words } = board.recorded().expect("a recording");
     let rows: Vec<&[u32]> = words.chunks(3).collect();
     assert_eq!(rows.len(), contents.rows as usize);
     assert!(rows.len() > 500);

@@ -1,10 +1,13 @@
 //! Recordings as other programs write them: Parquet by pyarrow, MATLAB level 5 by `SciPy`, and a published `.mat` file.
 
+mod cli;
+
 use std::path::{Path, PathBuf};
 
 use bristle::model::Columns;
 use bristle::motion::Motion;
 use bristle::recording::Recording;
+use cli::real;
 
 fn sample(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -61,30 +64,16 @@ fn a_file_that_is_not_what_its_name_says_is_refused() {
 /// The published recording in its own format and as CSV hold the same signals.
 #[test]
 fn the_published_mat_file_is_read() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .ancestors()
-        .skip(2)
-        .map(|a| a.join("shared/data/emps"))
-        .find(|f| f.join("DATA_EMPS.mat").is_file());
-    let Some(folder) = folder else {
-        use std::io::Write;
-        let _ = writeln!(
-            std::io::stderr(),
-            "skipped: ../shared/data/emps/DATA_EMPS.mat is not there"
-        );
+    let published = real("emps/DATA_EMPS.mat").zip(real("emps/emps_est.csv"));
+    let Some((mat, csv)) = published else {
         return;
     };
     let columns = Columns::from([
         ("u".to_owned(), "vir".to_owned()),
         ("q".to_owned(), "qm".to_owned()),
     ]);
-    let mat = Recording::read(&folder.join("DATA_EMPS.mat"), &columns, Motion::Linear).unwrap();
-    let csv = Recording::read(
-        &folder.join("emps_est.csv"),
-        &Columns::new(),
-        Motion::Linear,
-    )
-    .unwrap();
+    let mat = Recording::read(&mat, &columns, Motion::Linear).unwrap();
+    let csv = Recording::read(&csv, &Columns::new(), Motion::Linear).unwrap();
     assert_eq!(mat.len(), 24841);
     // The CSV was rounded to twelve digits.
     let close = |a: &[f64], b: &[f64]| {

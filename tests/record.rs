@@ -10,6 +10,7 @@ mod cli;
     reason = "the tests of the firmware use all of it"
 )]
 mod emulator;
+mod port;
 
 use std::fs::File;
 use std::io::{Read, Write};
@@ -20,7 +21,7 @@ use std::thread::{JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
 use bristle::emulate::{Axis, Board, Launch, Live, Sensors, Setup, Transport, Twin, parameters};
-use bristle::link::{BLOCK, Peer, SerialLine, Wire};
+use bristle::link::{BLOCK, Peer, Wire};
 use bristle::model::Model;
 use bristle::tune::Wish;
 use bristle_core::drive::State;
@@ -300,15 +301,7 @@ impl OnPort {
     }
 
     fn state(&self) -> State {
-        // A program that another test is just starting holds the lock of a port that was open here for a moment longer.
-        let begun = Instant::now();
-        let line = loop {
-            match SerialLine::open(&self.port) {
-                Ok(line) => break line,
-                Err(e) => assert!(begun.elapsed() < Duration::from_secs(2), "{e}"),
-            }
-            sleep(Duration::from_millis(20));
-        };
+        let line = port::open(&self.port);
         let mut board = Peer::<f32, _>::called(line).expect("the board answers");
         match board.ask(Request::Status).expect("an answer") {
             Answer::Status { state, .. } => state,

@@ -1,6 +1,6 @@
 //! The drive through its faults and states: what is wrong turns the bridge off in the period that its page says.
 
-use bristle_core::control::SetPoint;
+use bristle_core::control::{CurrentLoop, SetPoint};
 use bristle_core::drive::signal::{Selection, Signal};
 use bristle_core::drive::{
     Actuation, Drive, Fault, Faults, News, Number, Parameters, Refusal, Sample, State,
@@ -205,12 +205,19 @@ fn the_input_is_limited_and_zero_when_off() {
     assert_eq!(drive.state(), State::Off);
 }
 
+const LOOP: CurrentLoop<f32> = CurrentLoop {
+    proportional: 1.0,
+    reset: 0.5,
+    back_emf: 0.05,
+    limit: 24.0,
+};
+
 /// What a set says otherwise.
 type Change = fn(&mut Parameters<f32>);
 
 #[test]
 fn a_running_axis_keeps_what_must_not_change_and_its_mode() {
-    let fixed: [(&str, Change); 17] = [
+    let fixed: [(&str, Change); 18] = [
         ("jump", |p| p.limits.jump += 1),
         ("current scale", |p| p.limits.current_per_count *= -1.0),
         ("current zero", |p| p.limits.current_zero += 1),
@@ -228,6 +235,7 @@ fn a_running_axis_keeps_what_must_not_change_and_its_mode() {
         ("back EMF", |p| p.control.back_emf = 0.1),
         ("command limit", |p| p.control.command_limit = 2.0),
         ("torque limit", |p| p.control.torque_limit = 2.0),
+        ("current loop", |p| p.current = Some(LOOP)),
     ];
     for (what, change) in fixed {
         let mut drive = drive::<f32>();
@@ -244,7 +252,8 @@ fn a_running_axis_keeps_what_must_not_change_and_its_mode() {
 
 #[test]
 fn numbers_out_of_range_are_refused_running_or_not() {
-    let bad: [Change; 6] = [
+    let bad: [Change; 7] = [
+        |p| p.current = Some(CurrentLoop { reset: 1.5, ..LOOP }),
         |p| p.limits.bus_max = f32::NAN,
         |p| p.control.inertia = f32::NAN,
         |p| p.control.velocity_gain = f32::INFINITY,

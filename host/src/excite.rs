@@ -161,7 +161,7 @@ impl Excitation {
             })
             .map(|x| self.amplitude * x)
             .collect();
-        let sines = values.len() - t.iter().filter(|&&t| share(t) >= dynamic).count();
+        let sines = t.partition_point(|&t| share(t) < dynamic);
         let rest: Vec<f64> = t[sines..]
             .iter()
             .map(|t| t - dynamic * self.duration)

@@ -63,7 +63,7 @@ pub fn blocks(problem: &Problem) -> Vec<Option<usize>> {
         .tracks
         .iter()
         .map(|track| {
-            let length = block_length(track.boundary as f64 * track.period);
+            let length = block_length(training(track));
             let start = (first, length);
             // The training part may go on beyond a piece of a recording.
             let samples = track.boundary.min(track.cells.len());
@@ -81,9 +81,13 @@ pub fn blocks(problem: &Problem) -> Vec<Option<usize>> {
 
 /// Whether a recording is so short that its blocks are shorter than usual.
 pub fn shortened(problem: &Problem) -> bool {
-    let training = |t: &Track| t.boundary as f64 * t.period;
     let mut tracks = problem.tracks.iter();
     tracks.any(|track| block_length(training(track)) < BLOCK)
+}
+
+/// Length of the training part of a recording, s.
+fn training(track: &Track) -> f64 {
+    track.boundary as f64 * track.period
 }
 
 /// Length of the blocks of a recording, s. Short recordings are cut into smaller ones, so that every fold has its share of

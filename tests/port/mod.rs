@@ -7,6 +7,8 @@
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
 
 use bristle::emulate::QEMU;
 use bristle::link::{Peer, SerialLine};
@@ -46,9 +48,21 @@ impl OnPort {
 
     /// Has the board carry out a command.
     pub fn tell(&self, request: Request<f32>) {
-        let line = SerialLine::open(&self.port).expect("it opens");
+        let line = open(&self.port);
         let mut board = Peer::<f32, _>::called(line).expect("the board answers");
         board.tell(request).expect("it does as told");
+    }
+}
+
+/// Opens a port. A program that another test is just starting holds the lock of one that was open here for a moment longer.
+pub fn open(port: &str) -> SerialLine {
+    let begun = Instant::now();
+    loop {
+        match SerialLine::open(port) {
+            Ok(line) => return line,
+            Err(e) => assert!(begun.elapsed() < Duration::from_secs(2), "{e}"),
+        }
+        sleep(Duration::from_millis(20));
     }
 }
 

@@ -287,28 +287,24 @@ impl Emulate {
 /// What the board has recorded, with the instants of its periods and the set points of the plan.
 fn from_ring<T: Number>(board: &mut Board<T>, outcome: &Outcome<T>, count: f64) -> Result<Record> {
     board.tell(Request::StopRecording)?;
-    let (contents, words) = board.recorded()?;
+    let recorded = board.recorded()?;
     let start = outcome.periods.first().map_or(0, |p| p.number);
-    let first = contents.first.wrapping_sub(start) as usize;
-    let rows = contents.rows as usize;
+    let first = recorded.contents.first.wrapping_sub(start) as usize;
+    let rows = recorded.contents.rows as usize;
     let made = &outcome.record;
-    let column = |name: Signal| {
-        let width = contents.selection.len();
-        let at = contents.selection.iter().position(|s| s == name);
-        words.iter().skip(at.unwrap_or(0)).step_by(width)
-    };
     let part = |all: &[f64]| all.iter().skip(first).take(rows).copied().collect();
-    let number = |word: &u32| T::from_word(*word).to_f64();
+    let number = |word| T::from_word(word).to_f64();
     Ok(Record {
         t: part(&made.t),
-        u: column(Signal::Input).map(number).collect(),
-        q: column(Signal::Position)
-            .map(|w| f64::from(*w as i32) * count)
+        u: recorded.column(Signal::Input).map(number).collect(),
+        q: recorded
+            .column(Signal::Position)
+            .map(|w| f64::from(w as i32) * count)
             .collect(),
         current: if made.current.is_empty() {
             Vec::new()
         } else {
-            column(Signal::Current).map(number).collect()
+            recorded.column(Signal::Current).map(number).collect()
         },
         set_point: part(&made.set_point),
         truth: made.truth.iter().skip(first).take(rows).copied().collect(),

@@ -129,7 +129,7 @@ impl Command {
     /// Where the board is, and the model of its axis if one is known.
     fn place(&self) -> Result<(Place, Option<Model>)> {
         match (&self.place.emulate, self.limit) {
-            (Some(path), Some(limit)) => self.place.emulated(path, limit),
+            (Some(path), Some(limit)) => self.place.emulated(path, |_| Ok(limit)),
             (Some(_), None) => Err(Error::Usage(
                 "--emulate needs --limit, the largest input that the board may apply, in the unit of u"
                     .to_owned(),

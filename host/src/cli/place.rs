@@ -93,8 +93,12 @@ impl Where {
         all.into_iter().filter_map(Option::as_deref).collect()
     }
 
-    /// An emulated board, whose `|u|` may reach `limit`, and the model of its axis.
-    pub fn emulated(&self, path: &Path, limit: f64) -> Result<(Place, Option<Model>)> {
+    /// An emulated board, whose `|u|` may reach what `limit` says of the model of its axis, and that model.
+    pub fn emulated(
+        &self,
+        path: &Path,
+        limit: impl FnOnce(&Model) -> Result<f64>,
+    ) -> Result<(Place, Option<Model>)> {
         let emulated = &self.emulated;
         let axis = emulated.axis(path, limit)?;
         let model = axis.model.clone();
@@ -119,8 +123,9 @@ impl Where {
 }
 
 impl Emulated {
-    fn axis(&self, path: &Path, limit: f64) -> Result<Axis> {
+    fn axis(&self, path: &Path, limit: impl FnOnce(&Model) -> Result<f64>) -> Result<Axis> {
         let model = Model::read(path)?;
+        let limit = limit(&model)?;
         plant::new(&model).map_err(|e| e.in_model(path))?;
         let known_path = self.known.as_deref().unwrap_or(path);
         let known = Model::read(known_path)?;

@@ -57,7 +57,8 @@ fn must_not_run<W: Wire>(board: &mut Peer<f32, W>) -> Result<()> {
             state: State::Running,
             ..
         } => Err(Error::Usage(
-            "the axis is running, and parameters change only at rest; disable it first".to_owned(),
+            "the axis is running, and what is deployed goes to the board's flash, which is written only at rest; disable it first"
+                .to_owned(),
         )),
         _ => Ok(()),
     }

@@ -37,6 +37,8 @@ impl Trial {
 pub(super) struct Base<'a> {
     bench: &'a Workbench,
     ground: Ground<'a>,
+    /// See [`least_t`].
+    least_t: f64,
 }
 
 /// How much the cross-validated squared error falls.
@@ -79,7 +81,11 @@ pub(super) struct Generic {
 impl<'a> Base<'a> {
     pub fn new(bench: &'a Workbench, model: &'a Model) -> Result<Option<Self>> {
         let ground = bench.ground(model)?;
-        Ok(ground.map(|ground| Self { bench, ground }))
+        Ok(ground.map(|ground| Self {
+            least_t: least_t(bench, ground.score.by_block.len()),
+            bench,
+            ground,
+        }))
     }
 
     /// The score of the model.
@@ -90,21 +96,6 @@ impl<'a> Base<'a> {
     /// Number of training rows.
     pub fn rows(&self) -> f64 {
         self.bench.blocks.iter().flatten().count() as f64
-    }
-
-    /// The t from which on a gain is no chance of a few blocks.
-    ///
-    /// Blocks of a short recording are short themselves and share much of their windows with their neighbours, so that what
-    /// fits those by chance fits them, too: the best of a whole catalogue is then to be told from chance by t alone, whose
-    /// level all effects share (Šidák, Journal of the American Statistical Association 62, 1967). Elsewhere what is too small
-    /// to matter, [`FLOOR`], keeps chance out.
-    fn least_t(&self) -> f64 {
-        let count = self.ground.score.by_block.len() as f64;
-        let all = effects::ALL.len() as f64;
-        let level = (1.0 - FALSE_ALARMS).powf(1.0 / all);
-        let short = system::shortened(&self.bench.problem);
-        let t = StudentsT::new(0.0, 1.0, count - 1.0).ok().filter(|_| short);
-        t.map_or(CERTAIN, |t| t.inverse_cdf(level))
     }
 
     /// Tries an effect with all values of its inner parameters; `None` if none of its parameters is physical.
@@ -121,7 +112,7 @@ impl<'a> Base<'a> {
             inner: found.inner,
             delta_bic: before.chi2 - found.score.chi2 - penalty,
             gain,
-            certain: gain.t >= self.least_t(),
+            certain: gain.t >= self.least_t,
         }))
     }
 
@@ -144,7 +135,7 @@ impl<'a> Base<'a> {
         };
         Generic {
             gain: gain.share,
-            certain: gain.share >= FLOOR && (gain.t >= self.least_t() || shows_again()),
+            certain: gain.share >= FLOOR && (gain.t >= self.least_t || shows_again()),
         }
     }
 
@@ -182,6 +173,20 @@ impl<'a> Base<'a> {
         let hertz = ground.strongest_line(&ground.frequencies(SLOWEST_LINE));
         hertz.map_or_else(Vec::new, |f| ground.line(f))
     }
+}
+
+/// The t from which on a gain in so many blocks is no chance of a few of them.
+///
+/// Blocks of a short recording are short themselves and share much of their windows with their neighbours, so that what fits
+/// those by chance fits them, too: the best of a whole catalogue is then to be told from chance by t alone, whose level all
+/// effects share (Šidák, Journal of the American Statistical Association 62, 1967). Elsewhere what is too small to matter,
+/// [`FLOOR`], keeps chance out.
+fn least_t(bench: &Workbench, blocks: usize) -> f64 {
+    let short = system::shortened(&bench.problem);
+    let t = StudentsT::new(0.0, 1.0, blocks as f64 - 1.0).ok();
+    let level = (1.0 - FALSE_ALARMS).powf(1.0 / effects::ALL.len() as f64);
+    t.filter(|_| short)
+        .map_or(CERTAIN, |t| t.inverse_cdf(level))
 }
 
 /// Share of clean short recordings in which chance may name anything.

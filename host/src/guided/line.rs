@@ -2,12 +2,8 @@
 
 use bristle_core::drive::signal::Selection;
 
-/// Of a line's bytes, for telemetry; the rest is for answers.
-const SHARE: f64 = 0.75;
-/// What a telemetry frame has beside its words: kind, number, period, checksum and framing.
-const FRAMING: f64 = 16.0;
-/// The most bytes of a word.
-const WORD: f64 = 5.0;
+use crate::link::frames_carried;
+
 /// Telemetry that only tells the time, Hz.
 const CLOCK: f64 = 200.0;
 
@@ -32,22 +28,20 @@ impl Line {
         ring: u32,
         capacity: Option<f64>,
     ) -> Self {
-        let width = selection.len() as f64;
+        let width = selection.len();
         let most = f64::from(u16::MAX);
-        let carried = |words: f64, wanted: f64| {
-            let frames = capacity.map_or(wanted, |bytes| {
-                wanted.min(SHARE * bytes / (FRAMING + WORD * words))
-            });
+        let carried = |words: usize, wanted: f64| {
+            let frames = capacity.map_or(wanted, |bytes| wanted.min(frames_carried(bytes, words)));
             (rate / frames).ceil().clamp(1.0, most) as u16
         };
         let telemetry = carried(width, rate);
-        let rows = f64::from(ring) / width;
+        let rows = f64::from(ring) / width as f64;
         let by_ring = (rows >= 1.0).then(|| (periods as f64 / rows).ceil().clamp(1.0, most) as u16);
         match by_ring {
             Some(every) if every <= telemetry => Self {
                 by_ring: true,
                 every,
-                frames: carried(1.0, CLOCK),
+                frames: carried(1, CLOCK),
             },
             _ => Self {
                 by_ring: false,

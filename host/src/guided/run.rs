@@ -73,13 +73,7 @@ pub fn run<W: Wire>(
     follow: &dyn Fn(usize),
 ) -> Result<Excited> {
     board.wire().set_patience(ANSWER)?;
-    let origin = match begin(board, run) {
-        Ok(origin) => origin,
-        Err(e) => {
-            turn_off(board);
-            return Err(e);
-        }
-    };
+    let origin = begin(board, run)?;
     let mut going = Going {
         set_points: (run.set_points)(origin),
         run,
@@ -87,7 +81,6 @@ pub fn run<W: Wire>(
         start: None,
         sent: None,
     };
-    board.wire().set_patience(TURN)?;
     // A line that fails is a board that is lost: what was recorded is worth keeping.
     let ending = going
         .until_the_end(board, is_aborted, follow)
@@ -119,7 +112,7 @@ const fn telemetry(every: u16) -> Command<f32> {
     }
 }
 
-/// Turns the axis on, with the recording under way; where it stands, in counts.
+/// Turns the axis on; where it stands, in counts.
 fn begin<W: Wire>(board: &mut Peer<f32, W>, run: &Run) -> Result<i32> {
     let line = &run.line;
     let selection = if line.by_ring {
@@ -132,25 +125,17 @@ fn begin<W: Wire>(board: &mut Peer<f32, W>, run: &Run) -> Result<i32> {
         every: line.frames,
     })?;
     let origin = position(board, selection)?;
-    match board.ask(Command::EnableWithin(run.bounds))? {
-        Answer::Done => {}
-        other => {
-            return Err(Error::Board(format!(
-                "it does not turn the axis on within the bounds of this run: {other:?}; is another program driving it?"
-            )));
+    match board.ask(Command::EnableWithin(run.bounds)) {
+        Ok(Answer::Done) => Ok(origin),
+        Ok(other) => Err(Error::Board(format!(
+            "it does not turn the axis on within the bounds of this run: {other:?}; is another program driving it?"
+        ))),
+        // It may have been heard all the same.
+        Err(e) => {
+            turn_off(board);
+            Err(e)
         }
     }
-    if line.by_ring {
-        board.record(Order {
-            selection: run.selection,
-            every: line.every,
-            trigger: Trigger::Now,
-            before: 0,
-        })?;
-    }
-    // What came before is of an axis that was off.
-    board.take_telemetry();
-    Ok(origin)
 }
 
 /// Where the axis stands, from the next telemetry frame.
@@ -190,6 +175,17 @@ impl Going<'_> {
         is_aborted: &dyn Fn() -> bool,
         follow: &dyn Fn(usize),
     ) -> Result<Ending> {
+        if self.run.line.by_ring {
+            board.record(Order {
+                selection: self.run.selection,
+                every: self.run.line.every,
+                trigger: Trigger::Now,
+                before: 0,
+            })?;
+        }
+        // What came before is of an axis that was off.
+        board.take_telemetry();
+        board.wire().set_patience(TURN)?;
         let (mut heard, mut asked) = (Instant::now(), Instant::now());
         self.drive(board, 0)?;
         loop {
@@ -276,20 +272,19 @@ fn turn_off<W: Wire>(board: &mut Peer<f32, W>) -> bool {
 /// What the board has recorded by itself.
 fn from_ring<W: Wire>(board: &mut Peer<f32, W>, run: &Run) -> Result<Rows> {
     board.tell(Command::StopRecording)?;
-    let (contents, words) = board.recorded()?;
-    let width = contents.selection.len().max(1);
-    let at = |signal| contents.selection.iter().position(|s| s == signal);
-    let rows = words.chunks_exact(width).zip(0_u32..).map(|(row, k)| {
-        let word = |signal| at(signal).and_then(|at| row.get(at)).copied().unwrap_or(0);
-        let number = |signal| f64::from(f32::from_bits(word(signal)));
-        Row {
-            period: contents
-                .first
-                .wrapping_add(k.wrapping_mul(contents.every.into())),
-            input: number(Signal::Input),
-            position: f64::from(word(Signal::Position) as i32) * run.count,
-            current: number(Signal::Current),
-        }
+    let recorded = board.recorded()?;
+    let contents = &recorded.contents;
+    let number = |word| f64::from(f32::from_bits(word));
+    let mut current = recorded.column(Signal::Current).map(number);
+    let inputs = recorded.column(Signal::Input).map(number);
+    let rows = inputs.zip(recorded.column(Signal::Position)).zip(0_u32..);
+    let rows = rows.map(|((input, position), k)| Row {
+        period: contents
+            .first
+            .wrapping_add(k.wrapping_mul(contents.every.into())),
+        input,
+        position: f64::from(position as i32) * run.count,
+        current: current.next().unwrap_or_default(),
     });
     Ok(Rows(rows.collect()))
 }

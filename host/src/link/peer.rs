@@ -3,12 +3,12 @@
 use std::collections::VecDeque;
 
 use bristle_core::drive::Number;
-use bristle_core::drive::recorder::{Contents, Order};
+use bristle_core::drive::recorder::Order;
 use bristle_core::link::{
     Answer, Command, Deframer, Hello, Numbers, PROTOCOL_VERSION, Packet, Report, decode, encode,
 };
 
-use super::{BLOCK, Wire};
+use super::{BLOCK, Recorded, Wire};
 use crate::error::{Error, Result};
 
 /// A telemetry frame.
@@ -286,18 +286,21 @@ impl<T: Number, W: Wire> Peer<T, W> {
         self.tell(Command::Record(order))
     }
 
-    /// What the board has recorded: its description, and the words row after row.
-    pub fn recorded(&mut self) -> Result<(Contents, Vec<u32>)> {
+    /// What the board has recorded.
+    pub fn recorded(&mut self) -> Result<Recorded> {
         let Answer::Recorded(contents) = self.ask(Command::Recorded)? else {
             return Err(Error::Board("no answer about the recording".to_owned()));
         };
         let total = contents.rows as usize * contents.selection.len();
-        let mut all = Vec::with_capacity(total);
-        while all.len() < total {
-            let first = all.len() as u32;
+        let mut words = Vec::with_capacity(total);
+        while words.len() < total {
+            let first = words.len() as u32;
             match self.ask(Command::Read { first })? {
-                Answer::Words { first: at, words } if at == first && !words.is_empty() => {
-                    all.extend_from_slice(&words);
+                Answer::Words {
+                    first: at,
+                    words: some,
+                } if at == first && !some.is_empty() => {
+                    words.extend_from_slice(&some);
                 }
                 other => {
                     return Err(Error::Board(format!(
@@ -306,6 +309,6 @@ impl<T: Number, W: Wire> Peer<T, W> {
                 }
             }
         }
-        Ok((contents, all))
+        Ok(Recorded { contents, words })
     }
 }

@@ -218,7 +218,7 @@ fn is_recording(path: &Path) -> bool {
         .extension()
         .and_then(|e| e.to_str())
         .unwrap_or_default();
-    ["csv", "parquet", "mat"].contains(&ending.to_ascii_lowercase().as_str())
+    ["csv", "parquet", "pq", "mat"].contains(&ending.to_ascii_lowercase().as_str())
 }
 
 type Checked<T> = std::result::Result<T, Problem>;

@@ -49,26 +49,25 @@ impl Command {
     /// Where the board is, and the model of its axis if one is known.
     pub(super) fn place(&self) -> Result<(Place, Option<Model>)> {
         match &self.place.emulate {
-            Some(path) => {
-                let model = Model::read(path)?;
-                let limit = match (self.limit, self.follow) {
-                    // What the signal asks for beyond --limit is cut by the bound of the run.
-                    (limit, Follow::Input) => {
-                        let rate = self.place.emulated.rate;
-                        let asked = self.signal(Some(&model), rate)?.largest();
-                        limit.map_or(asked, |limit| limit.max(asked))
-                    }
-                    (Some(limit), _) => limit,
-                    (None, _) => {
-                        return Err(Error::Usage(
-                            "a controller needs --limit, the largest input that it may apply, in the unit of u"
-                                .to_owned(),
-                        ));
-                    }
-                };
-                self.place.emulated(path, limit)
-            }
+            Some(path) => self.place.emulated(path, |model| self.most(model)),
             None => self.place.at_port(),
+        }
+    }
+
+    /// What `|u|` of an emulated board may reach.
+    fn most(&self, model: &Model) -> Result<f64> {
+        match (self.limit, self.follow) {
+            // What the signal asks for beyond --limit is cut by the bound of the run.
+            (limit, Follow::Input) => {
+                let rate = self.place.emulated.rate;
+                let asked = self.signal(Some(model), rate)?.largest();
+                Ok(limit.map_or(asked, |limit| limit.max(asked)))
+            }
+            (Some(limit), _) => Ok(limit),
+            (None, _) => Err(Error::Usage(
+                "a controller needs --limit, the largest input that it may apply, in the unit of u"
+                    .to_owned(),
+            )),
         }
     }
 

@@ -11,7 +11,7 @@ use super::{ANSWER, RETRY, Session};
 use crate::deploy;
 use crate::error::{Error, Result};
 use crate::format::decimal;
-use crate::link::{Peer, Wire};
+use crate::link::{Peer, Wire, frames_carried};
 use crate::monitor::About;
 use crate::monitor::aim::{Aim, Mode};
 use crate::monitor::view::Kind;
@@ -25,10 +25,6 @@ const REOPEN: Duration = Duration::from_secs(2);
 /// A line may lose an answer, as a pseudo-terminal does whose other end has not yet noticed that it was opened. What a board
 /// is set up with may be said more than once.
 const ATTEMPTS: u32 = 3;
-/// The largest telemetry frame: 8 words of 5 bytes, number, period and framing.
-const FRAME: f64 = 56.0;
-/// Of the line, for telemetry; the rest is for answers.
-const SHARE: f64 = 0.75;
 
 /// A question that the board has not answered.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -143,7 +139,8 @@ impl Session {
 
     /// Periods from telemetry frame to telemetry frame.
     fn every(&self, rate: f64) -> u16 {
-        let carried = self.place.capacity().map(|bytes| SHARE * bytes / FRAME);
+        let carried = |bytes| frames_carried(bytes, Signal::ALL.len());
+        let carried = self.place.capacity().map(carried);
         match self.options.telemetry.or(carried) {
             Some(wanted) => (rate / wanted).ceil().clamp(1.0, f64::from(u16::MAX)) as u16,
             None => 1,
