@@ -60,6 +60,8 @@ struct Estimate {
     truth: f64,
     value: f64,
     se: f64,
+    /// Whether twins of the recordings took off its bias.
+    unbiased: bool,
 }
 
 impl Estimate {
@@ -100,7 +102,7 @@ fn main() -> std::io::Result<()> {
     let dump = option("dump").map(std::fs::File::create).transpose()?;
     let mut dump = dump.map(std::io::BufWriter::new);
     if let Some(dump) = &mut dump {
-        writeln!(dump, "law,seed,parameter,truth,value,se")?;
+        writeln!(dump, "law,seed,parameter,truth,value,se,unbiased")?;
     }
     println!(
         "law              parameter           runs  median  median |error|  bias/se  scatter/se  within 1.96 se"
@@ -116,8 +118,8 @@ fn main() -> std::io::Result<()> {
                 .collect();
             if let Some(dump) = &mut dump {
                 for (seed, e) in &of {
-                    let Estimate { truth, value, se } = e;
-                    writeln!(dump, "{law},{seed},{name},{truth:e},{value:e},{se:e}")?;
+                    let Estimate { truth, value, se, unbiased } = e;
+                    writeln!(dump, "{law},{seed},{name},{truth:e},{value:e},{se:e},{unbiased}")?;
                 }
             }
             print_line(law, name, &of);
@@ -233,7 +235,9 @@ fn attempt(law: &str, extra: &[&str], seed: u64, set: Set) -> bristle::error::Re
         recordings.push(record(&plant, &signal, Some(control), sensors(seed + 1))?);
     }
     let (bench, found) = identify(&recordings, &asked, Options::default())?;
+    let weak = found.model.to_toml();
     let mut model = bench.unbiased(found, &recordings)?.model;
+    let unbiased = model.to_toml() != weak;
     if set.pem {
         let options = pem::Options {
             optimiser: Optimiser::LevenbergMarquardt,
@@ -252,6 +256,7 @@ fn attempt(law: &str, extra: &[&str], seed: u64, set: Set) -> bristle::error::Re
                 truth: *truth,
                 value: p.value?,
                 se: p.se?,
+                unbiased,
             };
             Some((label.name.to_owned(), found))
         })

@@ -120,6 +120,12 @@ impl Contact {
         self.bristles.as_ref().map(|law| law.as_ref() as _)
     }
 
+    /// The viscous coefficient, where resistance beside it depends on the direction of sliding alone.
+    pub fn lone_viscous(&self) -> Option<f64> {
+        let plain = self.terms.is_empty() && self.bristles.is_none();
+        plain.then_some(self.law.viscous)
+    }
+
     /// Whether anything here depends on the input.
     pub fn driven(&self) -> bool {
         self.terms.iter().any(|(effect, ..)| effect.driven())

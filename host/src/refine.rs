@@ -42,16 +42,24 @@ pub fn refine_beside(
     .0
 }
 
-/// What rows make of errors in them: the step of the free parameters of a model that the first of some errors calls for,
-/// less what encoder noise in the acceleration regressor adds to it, and `(JᵀJ)⁻¹·Jᵀe` of all others, a column each. `None`
-/// if the rows do not determine it.
-pub fn answers(
+/// What rows make of errors in them.
+pub struct Answer {
+    /// The step of the free parameters that the errors call for, less what encoder noise in the acceleration regressor adds.
+    pub step: DVector<f64>,
+    /// Its covariance, by the scatter of the gradients of clusters of rows.
+    pub covariance: DMatrix<f64>,
+    /// `(JᵀJ)⁻¹·Jᵀe` of other errors, a column each.
+    pub follows: DMatrix<f64>,
+}
+
+/// What rows make of the first of some errors in them, and of all others. `None` if the rows do not determine it.
+pub fn answer(
     errors: &[Vec<f64>],
     problem: &Problem,
     model: &Model,
     noise: &Noise,
     blocks: &[Option<usize>],
-) -> Option<(DVector<f64>, DMatrix<f64>)> {
+) -> Option<Answer> {
     let free = free_parameters(model);
     let jacobian = jacobian(model, &free, &|model: &Model| {
         counted(problem, model, noise, blocks)
@@ -59,12 +67,18 @@ pub fn answers(
     let whitened = errors.iter().map(|e| in_blocks(&noise.whiten(e), blocks));
     let whitened: Vec<DVector<f64>> = whitened.collect();
     let (first, others) = whitened.split_first()?;
-    let mut normal = Normal::new(&jacobian, first, &[]);
+    let mut normal = Normal::new(&jacobian, first, &clusters(blocks));
     normal.encoder_energy = noise.encoder_energy;
     let step = normal.step(model, &free)?.into_iter().map(|(_, s)| s);
-    let step = DVector::from_iterator(free.len(), step);
     let right = jacobian.tr_mul(&DMatrix::from_columns(others));
-    Some((step, normal.solve(model, &free, &right)?))
+    let (_, sandwich, scale) = normal.covariances()?;
+    Some(Answer {
+        step: DVector::from_iterator(free.len(), step),
+        covariance: DMatrix::from_fn(free.len(), free.len(), |i, j| {
+            sandwich[(i, j)] / (scale[i] * scale[j])
+        }),
+        follows: normal.solve(model, &free, &right)?,
+    })
 }
 
 /// How the residual of every row moves with each free parameter.

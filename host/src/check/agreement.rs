@@ -2,14 +2,17 @@
 
 use std::f64::consts::{PI, TAU};
 
+use rayon::prelude::*;
+
 use super::Warning;
+use crate::effects::Path;
 use crate::format::{quantity, significant, whole_percent};
 use crate::identify::Workbench;
 use crate::linear;
 use crate::model::{Causality, Model};
 use crate::problem::Direction;
-use crate::recording::Recording;
 use crate::system;
+use crate::weak::{Track, Windows};
 
 /// Estimates of the inertia from either side of the equation agree within this factor where the recording shows it.
 const AGREE: f64 = 1.5;
@@ -26,12 +29,12 @@ const RIDGE: f64 = 1e-6;
 /// Delay of a drive and its bus together that is no longer believed, s: a hundred times a usual control period.
 const LONG: f64 = 0.02;
 
-pub(super) fn check(bench: &Workbench, fitted: &Model, recordings: &[Recording]) -> Vec<Warning> {
+pub(super) fn check(bench: &Workbench, fitted: &Model) -> Vec<Warning> {
     if fitted.causality == Causality::Inverse {
         return Vec::new();
     }
     let mut warnings = Vec::new();
-    let rows = Rows::new(bench, recordings);
+    let rows = Rows::new(bench);
     let delay = system::path(fitted).delay;
     if let Some(plain) = rows.inertia(delay) {
         warnings.extend(sign(plain, fitted));
@@ -45,34 +48,16 @@ pub(super) fn check(bench: &Workbench, fitted: &Model, recordings: &[Recording])
     warnings
 }
 
-/// Mean of a held input over every cell of a track, if it acts `delay` seconds later than recorded.
-fn shifted(recording: &Recording, start: f64, period: f64, cells: usize, delay: f64) -> Vec<f64> {
-    let (t, u) = (&recording.t, &recording.u);
-    let mut integral = vec![0.0; t.len()];
-    for k in 1..t.len() {
-        integral[k] = integral[k - 1] + u[k - 1] * (t[k] - t[k - 1]);
-    }
-    let at = |time: f64| {
-        let k = t.partition_point(|&t| t <= time).max(1) - 1;
-        integral[k] + u[k] * (time - t[k])
-    };
-    let node = |k: usize| at(start + k as f64 * period - delay);
-    (0..cells)
-        .map(|k| (node(k + 1) - node(k)) / period)
-        .collect()
-}
-
 /// The plainest weak form: inertia, Coulomb and viscous friction, and any function of the position, such as gravity, which
 /// would pass for inertia or for a shift.
 struct Rows<'a> {
     bench: &'a Workbench,
-    recordings: &'a [Recording],
     acceleration: Vec<f64>,
     resisting: Vec<Vec<f64>>,
 }
 
 impl<'a> Rows<'a> {
-    fn new(bench: &'a Workbench, recordings: &'a [Recording]) -> Self {
+    fn new(bench: &'a Workbench) -> Self {
         let problem = &bench.problem;
         let whiten = |column: &[f64]| bench.noise.whiten(column);
         let mut resisting = vec![
@@ -84,20 +69,19 @@ impl<'a> Rows<'a> {
         resisting.extend(position.flat_map(|g| g.columns).map(|c| whiten(&c)));
         Self {
             bench,
-            recordings,
             acceleration: whiten(&problem.acceleration),
             resisting,
         }
     }
 
+    /// The input as if it acted so many seconds later than recorded.
     fn input(&self, delay: f64) -> Vec<f64> {
-        let mut recordings = self.recordings.iter();
-        let rows = self.bench.problem.stack(|track, windows| {
-            let recording = recordings.next();
-            let cells = |r| shifted(r, track.start, track.period, track.cells.len(), delay);
-            windows.hold(track, &recording.map(cells).unwrap_or_default())
-        });
-        self.bench.noise.whiten(&rows)
+        let late = Path {
+            delay,
+            ..Path::default()
+        };
+        let windows = |track: &Track, windows: &Windows| windows.hold(track, &track.input(&late));
+        self.bench.noise.whiten(&self.bench.problem.stack(windows))
     }
 
     /// Inertia over gain, if both sides of the equation agree on it and it explains most of the drive.
@@ -133,6 +117,7 @@ impl<'a> Rows<'a> {
         };
         let none = error(0.0);
         let (best, least) = (-SHIFTS..=SHIFTS)
+            .into_par_iter()
             .map(|k| most * f64::from(k) / f64::from(SHIFTS))
             .map(|delay| (delay, error(delay)))
             .min_by(|a, b| a.1.total_cmp(&b.1))?;

@@ -73,7 +73,7 @@ pub fn warnings(bench: &Workbench, fitted: &Model, recordings: &[Recording]) -> 
         seen.push(key);
         new
     });
-    all.extend(agreement::check(bench, fitted, recordings));
+    all.extend(agreement::check(bench, fitted));
     all.extend(excitation::check(bench, fitted, recordings));
     all.sort_by_key(|warning| warning.severity);
     all

@@ -285,13 +285,10 @@ impl Workbench {
     /// All that twins do not have is noise to them, what the model leaves out among it. So a model that predicts the training
     /// part no better with the correction than without keeps what [`Workbench::fit`] found, and a diagnosis starts from that.
     pub fn unbiased(&self, found: Identified, recordings: &[Recording]) -> Result<Identified> {
-        let Some(model) = self.settled_on_twins(&found.model, recordings) else {
+        let Some(model) = self.settled_on_twins(&found, recordings) else {
             return Ok(found);
         };
         let fit = fit::judge(&model, recordings, &self.problem.tracks)?;
-        if fit.train.nrmse >= found.fit.train.nrmse {
-            return Ok(found);
-        }
         Ok(Identified {
             model,
             fit,

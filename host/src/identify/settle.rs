@@ -7,8 +7,9 @@
 //! - the mean residual `o` of the twins' rows at these parameters is what is wrong with the rows: it is taken off;
 //! - the mean step `b` that the twins' rows, less `o`, call for is what noise in their regressors does to estimates: it is
 //!   taken off these;
-//! - the scatter of these steps is the standard error of the estimates. The larger of this and of what the scatter of the
-//!   recordings' own residuals says is reported.
+//! - the scatter of the gradients of blocks of the twins' rows is that of the estimates. The larger of this and of what the
+//!   recordings' own residuals say is reported: twins give the more precise figure, as there are several of them, and the
+//!   recordings one that does not ask whether they resemble them.
 //!
 //! `o` and `b` are those at the estimates rather than at the truth, so they are repeated at what they lead to (indirect
 //! inference: Gouriéroux, Monfort and Renault, Journal of Applied Econometrics 8, 1993). Where noise makes regressors look
@@ -16,29 +17,33 @@
 //! the covariance `D⁻¹·C·D⁻ᵀ`, with `D = (JᵀJ)⁻¹·JᵀG` and `G` the derivative on rows that ideal sensors give.
 
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
-use super::{Workbench, twin::Twin};
-use crate::bench;
+use super::{Identified, Workbench, twin::Twin};
 use crate::model::{Causality, Model};
 use crate::noise::Noise;
 use crate::problem::{Problem, Row};
 use crate::recording::Recording;
 use crate::weak::Track;
-use crate::{refine, system};
+use crate::refine::{self, Answer};
+use crate::system;
 
 /// Repetitions: what is left shrinks about fivefold with each, from less than half.
-const ROUNDS: usize = 3;
+const ROUNDS: usize = 2;
 /// Twins of each recording: the steps of their encoders lie evenly within one another, and their loads come in pairs of
 /// opposite sign, so that what is linear in noise cancels.
 const DRAWS: usize = 6;
+
+/// Noise variance, as a multiple of what it is known to be at most, from which on twins tell nothing. They take for noise all
+/// that they do not have, so the bias that they show is too large in this proportion, and from twice on taking it off
+/// does as much harm as good.
+const MOST_MISFIT: f64 = 2.0;
 
 /// Twins of the recordings.
 struct Twins {
     problems: Vec<Problem>,
     /// Residual of the rows of each.
     residuals: Vec<Vec<f64>>,
-    /// Whether a load disturbed them.
-    loaded: bool,
     /// Mean of them for each row of the recordings.
     offset: Vec<f64>,
     /// Derivative of the residual of these rows as ideal sensors would give them, by free parameter.
@@ -52,9 +57,10 @@ impl Workbench {
     /// twins of the recordings cannot tell. Parameters that were taken rather than estimated stay as they are.
     pub(super) fn settled_on_twins(
         &self,
-        model: &Model,
+        found: &Identified,
         recordings: &[Recording],
     ) -> Option<Model> {
+        let model = &found.model;
         if model.causality == Causality::Inverse {
             return None;
         }
@@ -66,13 +72,15 @@ impl Workbench {
         for &k in &taken {
             settled.parameters_mut()[k].known = true;
         }
-        let mut scatter = Scatter::default();
-        let mut load = 0.0;
+        let mut noise = self.quieter(&settled);
+        let most = MOST_MISFIT * noise.law.floor();
         for round in 0..ROUNDS {
+            let load = self.load_noise(&noise, &settled);
             let twins = self.twins(&settled, recordings, load, round)?;
-            let noise;
-            (settled, noise) = self.settle_once(&settled, &twins, &mut scatter)?;
-            load = self.load_noise(&noise, &settled);
+            (settled, noise) = self.settle_once(&settled, &twins)?;
+            if noise.law.floor() > most {
+                return None;
+            }
         }
         for &k in &taken {
             *settled.parameters_mut()[k] = model.parameters()[k].clone();
@@ -80,57 +88,54 @@ impl Workbench {
         Some(settled)
     }
 
-    /// One repetition. Twins of the first one knew of no noise beside the encoder's: their scatter does not count.
-    fn settle_once(
-        &self,
-        model: &Model,
-        twins: &Twins,
-        scatter: &mut Scatter,
-    ) -> Option<(Model, Noise)> {
+    /// The noise of the rows as generic functions leave it or as the model does. What either does not follow counts as noise
+    /// to it, so the smaller one is nearer.
+    fn quieter(&self, model: &Model) -> Noise {
+        let residual = system::residual(&self.problem, model);
+        let unknowns = refine::free_parameters(model).len();
+        let own = Noise::estimate(&self.problem, &residual, unknowns, &self.blocks);
+        if own.law.floor() < self.noise.law.floor() {
+            own
+        } else {
+            self.noise.clone()
+        }
+    }
+
+    /// One repetition.
+    fn settle_once(&self, model: &Model, twins: &Twins) -> Option<(Model, Noise)> {
         let (offset, blocks) = (&twins.offset, &twins.blocks);
         let free = refine::free_parameters(model);
         let residual = system::residual(&self.problem, model);
         let clean = less(&residual, offset);
         let noise = Noise::estimate(&self.problem, &clean, free.len(), blocks);
-        if !lessens(&noise.whiten(&clean), &noise.whiten(&residual), blocks) {
-            return None;
-        }
-        let (steps, follows) = self.answers(twins, model, &noise)?;
+        let answers = self.answers(twins, model, &noise)?;
         let mut next = model.clone();
         let normal = refine::refine_beside(offset, &self.problem, &mut next, &noise, blocks);
-        let mean = steps.iter().sum::<DVector<f64>>() / DRAWS as f64;
+        let mean = answers.step;
         let bias: Vec<(usize, f64)> = free.iter().copied().zip(mean.iter().copied()).collect();
         next = refine::moved(&next, &bias, -1.0)?;
-        let (_, sandwich, scale) = normal.covariances()?;
+        let (plain, sandwich, scale) = normal.covariances()?;
         // Everything in units of the inverse column norms, as parameters differ in size by orders of magnitude.
         let scale = DMatrix::from_diagonal(&DVector::from_vec(scale));
         let unscale = scale.clone().try_inverse()?;
-        let back = (&scale * follows * &unscale).try_inverse()?;
-        if twins.loaded {
-            let steps = steps
-                .iter()
-                .map(|s| &unscale * &back * &scale * (s - &mean));
-            scatter.add(steps);
-        }
-        let own = &unscale * &back * sandwich * back.transpose() * &unscale;
+        let back = (&scale * answers.follows * &unscale).try_inverse()?;
+        let through = |c: DMatrix<f64>| &unscale * &back * c * back.transpose() * &unscale;
+        let pl = through(plain);
+        let own = through(sandwich);
+        let twins = through(&scale * answers.covariance * &scale);
         for (at, &k) in free.iter().enumerate() {
-            let se = own[(at, at)].max(scatter.variance(at)).sqrt();
+            let se = own[(at, at)].max(twins[(at, at)]).sqrt();
             next.parameters_mut()[k].se = Some(se);
+            let value = next.parameters()[k].value.unwrap_or(0.0);
+            eprintln!("SEC,{value:e},{:e},{:e},{:e},{:e},{:e}", pl[(at,at)].sqrt(), own[(at, at)].sqrt(), twins[(at,at)].sqrt(), se, mean[at]);
         }
         Some((next, noise))
     }
 
-    /// The steps that the rows of each twin, less their offset, call for; and by how much estimates follow the truth, `D`.
-    fn answers(
-        &self,
-        twins: &Twins,
-        model: &Model,
-        noise: &Noise,
-    ) -> Option<(Vec<DVector<f64>>, DMatrix<f64>)> {
+    /// What the rows of twins, less their offset, make of errors in them, on the average.
+    fn answers(&self, twins: &Twins, model: &Model, noise: &Noise) -> Option<Answer> {
         let free = refine::free_parameters(model).len();
-        let mut steps = Vec::with_capacity(DRAWS);
-        let mut follows = DMatrix::zeros(free, free);
-        for (problem, residual) in twins.problems.iter().zip(&twins.residuals) {
+        let answer = |(problem, residual): (&Problem, &Vec<f64>)| {
             let mut blocks = vec![None; residual.len()];
             let mut errors = vec![vec![0.0; residual.len()]; 1 + free];
             for (here, there) in common(&self.problem.rows, &problem.rows) {
@@ -141,11 +146,21 @@ impl Workbench {
                 }
             }
             let noise = noise.law.on(problem, &errors[0], &blocks);
-            let (step, follow) = refine::answers(&errors, problem, model, &noise, &blocks)?;
-            steps.push(step);
-            follows += follow / DRAWS as f64;
-        }
-        Some((steps, follows))
+            refine::answer(&errors, problem, model, &noise, &blocks)
+        };
+        let pairs = twins.problems.par_iter().zip(&twins.residuals);
+        let answers = pairs.map(answer).collect::<Option<Vec<_>>>()?;
+        let mean = answers.into_iter().reduce(|a, b| Answer {
+            step: a.step + b.step,
+            covariance: a.covariance + b.covariance,
+            follows: a.follows + b.follows,
+        })?;
+        let share = 1.0 / DRAWS as f64;
+        Some(Answer {
+            step: mean.step * share,
+            covariance: mean.covariance * share,
+            follows: mean.follows * share,
+        })
     }
 
     /// RMS of the torque or force, constant within each sample, that makes up the noise of the rows beside the encoder's.
@@ -171,18 +186,22 @@ impl Workbench {
         load: f64,
         round: usize,
     ) -> Option<Twins> {
-        let draws = (0..DRAWS).map(|draw| {
-            let draw = Draw {
+        // The last one is the ideal one, without noise.
+        let make = |draw: usize| {
+            let draw = (draw < DRAWS).then(|| Draw {
                 at: (draw as f64 + 0.5) / DRAWS as f64,
                 load: if draw % 2 == 0 { load } else { -load },
                 seed: (round * DRAWS + draw) as u64,
                 pair: (round * DRAWS + draw / 2) as u64,
-            };
-            self.twin(model, recordings, Some(draw))
-        });
-        let problems = draws.collect::<Option<Vec<_>>>()?;
-        let residuals = problems.iter().map(|twin| system::residual(twin, model));
-        let residuals: Vec<Vec<f64>> = residuals.collect();
+            });
+            let problem = self.twin(model, recordings, draw)?;
+            let residual = system::residual(&problem, model);
+            Some((problem, residual))
+        };
+        let made = (0..=DRAWS).into_par_iter().map(make);
+        let mut made = made.collect::<Option<Vec<_>>>()?;
+        let (ideal, _) = made.pop()?;
+        let (problems, residuals): (Vec<_>, Vec<_>) = made.into_iter().unzip();
         let rows = &self.problem.rows;
         let (mut sums, mut counts) = (vec![0.0; rows.len()], vec![0.0_f64; rows.len()]);
         for (problem, residual) in problems.iter().zip(&residuals) {
@@ -191,7 +210,6 @@ impl Workbench {
                 counts[here] += 1.0;
             }
         }
-        let ideal = self.twin(model, recordings, None)?;
         let raw = refine::sensitivities(&ideal, model);
         let mut sensitivities = vec![vec![0.0; rows.len()]; raw.len()];
         let mut blocks = vec![None; rows.len()];
@@ -203,7 +221,6 @@ impl Workbench {
         let means = sums.iter().zip(&counts);
         Some(Twins {
             offset: means.map(|(sum, count)| sum / count.max(1.0)).collect(),
-            loaded: load > 0.0,
             problems,
             residuals,
             sensitivities,
@@ -222,9 +239,7 @@ impl Workbench {
                 seed,
                 pair,
             } = draw.unwrap_or_default();
-            let loads = bench::loads(recording.len(), load.abs(), pair ^ index << 32);
-            let loads: Vec<f64> = loads.iter().map(|l| l * load.signum()).collect();
-            let twin = Twin::new(model, recording, track, &loads)?;
+            let twin = Twin::new(model, recording, track, load, pair ^ index << 32)?;
             let made = match draw {
                 None => Track::new(&twin.ideal(recording), before.motion, None),
                 Some(_) => Track::smoothed(
@@ -256,47 +271,8 @@ struct Draw {
     pair: u64,
 }
 
-/// Squares of the steps that twins call for.
-#[derive(Default)]
-struct Scatter {
-    squares: Vec<f64>,
-    freedom: f64,
-}
-
-impl Scatter {
-    /// Adds the steps of one repetition, less their mean.
-    fn add(&mut self, steps: impl Iterator<Item = DVector<f64>>) {
-        for step in steps {
-            self.squares.resize(step.len(), 0.0);
-            let sums = self.squares.iter_mut().zip(step.iter());
-            sums.for_each(|(sum, s)| *sum += s * s);
-        }
-        self.freedom += DRAWS as f64 - 1.0;
-    }
-
-    /// Variance of an estimate; 0 without any steps.
-    fn variance(&self, at: usize) -> f64 {
-        let squares = self.squares.get(at).copied().unwrap_or_default();
-        squares / self.freedom.max(1.0)
-    }
-}
-
 fn less(rows: &[f64], offset: &[f64]) -> Vec<f64> {
     rows.iter().zip(offset).map(|(r, o)| r - o).collect()
-}
-
-/// Whether the residual without an offset is no larger than with it, but for the noise of so many draws in the offset. It is
-/// larger where twins are unlike the recordings. Medians ignore the odd row in which they reverse otherwise.
-fn lessens(clean: &[f64], residual: &[f64], blocks: &[Option<usize>]) -> bool {
-    let typical = |rows: &[f64]| {
-        let counted = rows.iter().zip(blocks).filter(|(_, block)| block.is_some());
-        let mut sizes: Vec<f64> = counted.map(|(z, _)| z.abs()).collect();
-        sizes.sort_by(f64::total_cmp);
-        sizes.get(sizes.len() / 2).copied()
-    };
-    let worst = (1.0 + 1.0 / DRAWS as f64).sqrt();
-    let pair = typical(clean).zip(typical(residual));
-    pair.is_some_and(|(clean, residual)| clean <= worst * residual)
 }
 
 /// Positions of the windows that two sets of rows have in common.

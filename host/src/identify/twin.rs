@@ -23,9 +23,17 @@ pub(super) struct Twin {
 }
 
 impl Twin {
-    /// Under the recorded input and what it takes besides to stay with the measured motion, while a load, in N·m or N at
-    /// every sample, disturbs it. `None` where the model describes no such axis.
-    pub fn new(model: &Model, recording: &Recording, track: &Track, loads: &[f64]) -> Option<Self> {
+    /// Under the recorded input and what it takes besides to stay with the measured motion, while a load of this size, in
+    /// N·m or N RMS and drawn for every sample by `seed`, disturbs it; that of a negative size is the opposite. `None` where
+    /// the model describes no such axis.
+    pub fn new(
+        model: &Model,
+        recording: &Recording,
+        track: &Track,
+        load: f64,
+        seed: u64,
+    ) -> Option<Self> {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut plant = plant::new(model).ok()?;
         let authority = plant.authority();
         let omega = TAU * FOLLOWS;
@@ -39,7 +47,9 @@ impl Twin {
             let lacks = omega * (wanted.q - is.q) + 2.0 * (wanted.v - is.v);
             u[k] += omega * lacks / authority;
             if k + 1 < t.len() {
-                plant.advance(t, &u, k, loads[k]);
+                // A window sums hundreds, so all that counts is the variance, which is one here.
+                let unit = 3f64.sqrt() * rng.random_range(-1.0..=1.0);
+                plant.advance(t, &u, k, load * unit);
             }
         }
         let finite = states.iter().all(|s| s.q.is_finite() && s.v.is_finite());

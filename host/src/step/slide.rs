@@ -155,6 +155,13 @@ fn substeps<const N: usize>(
     x: &[f64; N],
     h: f64,
 ) -> usize {
+    let parts = |rate: f64| {
+        let rate = rate.max(plant.pace());
+        ((h * rate / STIFFNESS).ceil() as usize).clamp(1, MOST_SUBSTEPS)
+    };
+    if let Some(viscous) = plant.contact().lone_viscous() {
+        return parts(viscous.abs() / plant.inertia());
+    }
     let at = plant.sliding(x);
     let s = if at.v < 0.0 { -1.0 } else { 1.0 };
     let moment = plant.moment(drive, x);
@@ -165,6 +172,5 @@ fn substeps<const N: usize>(
     let here = resistance(at.q, v);
     let damping = (resistance(at.q, v + s * dv) - here) / (dv * plant.inertia());
     let stiffness = (resistance(at.q + dq, v) - here) / (dq * plant.inertia());
-    let rate = damping.abs().max(stiffness.abs().sqrt()).max(plant.pace());
-    ((h * rate / STIFFNESS).ceil() as usize).clamp(1, MOST_SUBSTEPS)
+    parts(damping.abs().max(stiffness.abs().sqrt()))
 }

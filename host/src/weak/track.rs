@@ -149,9 +149,6 @@ impl Track {
             (Some(q), _) => q.clone(),
             (None, v) => integrate(t, v.as_deref().unwrap_or_default()),
         };
-        let mut intervals: Vec<f64> = t.windows(2).map(|w| w[1] - w[0]).collect();
-        intervals.sort_by(f64::total_cmp);
-        let median = intervals[intervals.len() / 2];
         let even = (t[t.len() - 1] - t[0]) / (t.len() - 1) as f64;
         let uniform = |period: f64| {
             t.iter()
@@ -165,6 +162,7 @@ impl Track {
         let (period, q) = if uniform(even) {
             (even, position)
         } else {
+            let median = median(t.windows(2).map(|w| w[1] - w[0]).collect());
             (median, resample(t, &position, median))
         };
         let input = Held {
@@ -540,11 +538,16 @@ fn white_noise(x: &[f64]) -> f64 {
             7 => 3432.0_f64,
             _ => continue,
         };
-        let mut sizes: Vec<f64> = differences.iter().map(|d| d.abs()).collect();
-        sizes.sort_by(f64::total_cmp);
-        white = white.min(sizes[sizes.len() / 2] / (0.6745 * central_binomial.sqrt()));
+        let size = median(differences.iter().map(|d| d.abs()).collect());
+        white = white.min(size / (0.6745 * central_binomial.sqrt()));
     }
     white
+}
+
+/// The upper one of two.
+fn median(mut values: Vec<f64>) -> f64 {
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
 #[cfg(test)]
