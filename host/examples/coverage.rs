@@ -6,7 +6,7 @@
 //! cargo run --release --example coverage -- --runs 500 --seed 1
 //! ```
 //!
-//! Options: `--law NAME` for one law, `--runs`, `--seed`, `--counts` a turn (16384), `--noise` as a share of the torque
+//! Options: `--law NAME` for one law, `--runs`, `--seed`, `--skip` as many runs of a seed, `--counts` a turn (16384), `--noise` as a share of the torque
 //! (0.02), `--experiment both|fast|slow`, `--method dbi|pem`, `--dump FILE.csv` for every error. Each axis is drawn afresh and driven twice for 24 s: by a multisine of torque,
 //! and slowly by a position controller through zero velocity, as Stribeck curves ask for.
 
@@ -98,7 +98,7 @@ fn main() -> std::io::Result<()> {
         pem: option("method").is_some_and(|method| method == "pem"),
     };
     let runs = number("runs", 100.0) as u64;
-    let seed = number("seed", 1.0) as u64;
+    let first = number("seed", 1.0) as u64 * 1_000_000 + number("skip", 0.0) as u64;
     let dump = option("dump").map(std::fs::File::create).transpose()?;
     let mut dump = dump.map(std::io::BufWriter::new);
     if let Some(dump) = &mut dump {
@@ -111,15 +111,23 @@ fn main() -> std::io::Result<()> {
         if option("law").is_some_and(|only| only != law) {
             continue;
         }
-        let all = run(law, extra, seed * 1_000_000..seed * 1_000_000 + runs, set);
+        let all = run(law, extra, first..first + runs, set);
         for name in ["inertia", "coulomb", "viscous"].iter().chain(extra) {
             let of: Vec<(u64, Estimate)> = (all.iter())
                 .filter_map(|(seed, e)| Some((*seed, *e.get(*name)?)))
                 .collect();
             if let Some(dump) = &mut dump {
                 for (seed, e) in &of {
-                    let Estimate { truth, value, se, unbiased } = e;
-                    writeln!(dump, "{law},{seed},{name},{truth:e},{value:e},{se:e},{unbiased}")?;
+                    let Estimate {
+                        truth,
+                        value,
+                        se,
+                        unbiased,
+                    } = e;
+                    writeln!(
+                        dump,
+                        "{law},{seed},{name},{truth:e},{value:e},{se:e},{unbiased}"
+                    )?;
                 }
             }
             print_line(law, name, &of);

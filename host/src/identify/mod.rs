@@ -282,10 +282,10 @@ impl Workbench {
     /// The same with the bias of measured regressors taken off, and standard errors of what is left, by simulated twins of
     /// the recordings (indirect inference).
     ///
-    /// All that twins do not have is noise to them, what the model leaves out among it. So a model that predicts the training
-    /// part no better with the correction than without keeps what [`Workbench::fit`] found, and a diagnosis starts from that.
+    /// All that twins do not have is noise to them, what the model leaves out among it. A model that leaves out as much as
+    /// the noise is keeps what [`Workbench::fit`] found, and a diagnosis starts from that.
     pub fn unbiased(&self, found: Identified, recordings: &[Recording]) -> Result<Identified> {
-        let Some(model) = self.settled_on_twins(&found, recordings) else {
+        let Some(model) = self.settled_on_twins(&found.model, recordings) else {
             return Ok(found);
         };
         let fit = fit::judge(&model, recordings, &self.problem.tracks)?;

@@ -19,14 +19,14 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::{Identified, Workbench, twin::Twin};
+use super::{Workbench, twin::Twin};
 use crate::model::{Causality, Model};
 use crate::noise::Noise;
 use crate::problem::{Problem, Row};
 use crate::recording::Recording;
-use crate::weak::Track;
 use crate::refine::{self, Answer};
 use crate::system;
+use crate::weak::Track;
 
 /// Repetitions: what is left shrinks about fivefold with each, from less than half.
 const ROUNDS: usize = 2;
@@ -57,10 +57,9 @@ impl Workbench {
     /// twins of the recordings cannot tell. Parameters that were taken rather than estimated stay as they are.
     pub(super) fn settled_on_twins(
         &self,
-        found: &Identified,
+        model: &Model,
         recordings: &[Recording],
     ) -> Option<Model> {
-        let model = &found.model;
         if model.causality == Causality::Inverse {
             return None;
         }
@@ -77,10 +76,13 @@ impl Workbench {
         for round in 0..ROUNDS {
             let load = self.load_noise(&noise, &settled);
             let twins = self.twins(&settled, recordings, load, round)?;
-            (settled, noise) = self.settle_once(&settled, &twins)?;
+            let residual = less(&system::residual(&self.problem, &settled), &twins.offset);
+            let unknowns = refine::free_parameters(&settled).len();
+            noise = Noise::estimate(&self.problem, &residual, unknowns, &twins.blocks);
             if noise.law.floor() > most {
                 return None;
             }
+            settled = self.settle_once(&settled, &twins, &noise)?;
         }
         for &k in &taken {
             *settled.parameters_mut()[k] = model.parameters()[k].clone();
@@ -102,34 +104,29 @@ impl Workbench {
     }
 
     /// One repetition.
-    fn settle_once(&self, model: &Model, twins: &Twins) -> Option<(Model, Noise)> {
+    fn settle_once(&self, model: &Model, twins: &Twins, noise: &Noise) -> Option<Model> {
         let (offset, blocks) = (&twins.offset, &twins.blocks);
         let free = refine::free_parameters(model);
-        let residual = system::residual(&self.problem, model);
-        let clean = less(&residual, offset);
-        let noise = Noise::estimate(&self.problem, &clean, free.len(), blocks);
-        let answers = self.answers(twins, model, &noise)?;
+        let answers = self.answers(twins, model, noise)?;
         let mut next = model.clone();
-        let normal = refine::refine_beside(offset, &self.problem, &mut next, &noise, blocks);
-        let mean = answers.step;
-        let bias: Vec<(usize, f64)> = free.iter().copied().zip(mean.iter().copied()).collect();
-        next = refine::moved(&next, &bias, -1.0)?;
-        let (plain, sandwich, scale) = normal.covariances()?;
+        let normal = refine::refine_beside(offset, &self.problem, &mut next, noise, blocks);
+        let bias = free.iter().copied().zip(answers.step.iter().copied());
+        next = refine::moved(&next, &bias.collect::<Vec<_>>(), -1.0)?;
+        let (_, sandwich, scale) = normal.covariances()?;
         // Everything in units of the inverse column norms, as parameters differ in size by orders of magnitude.
         let scale = DMatrix::from_diagonal(&DVector::from_vec(scale));
         let unscale = scale.clone().try_inverse()?;
         let back = (&scale * answers.follows * &unscale).try_inverse()?;
         let through = |c: DMatrix<f64>| &unscale * &back * c * back.transpose() * &unscale;
-        let pl = through(plain);
-        let own = through(sandwich);
-        let twins = through(&scale * answers.covariance * &scale);
+        let (own, twins) = (
+            through(sandwich),
+            through(&scale * answers.covariance * &scale),
+        );
         for (at, &k) in free.iter().enumerate() {
             let se = own[(at, at)].max(twins[(at, at)]).sqrt();
             next.parameters_mut()[k].se = Some(se);
-            let value = next.parameters()[k].value.unwrap_or(0.0);
-            eprintln!("SEC,{value:e},{:e},{:e},{:e},{:e},{:e}", pl[(at,at)].sqrt(), own[(at, at)].sqrt(), twins[(at,at)].sqrt(), se, mean[at]);
         }
-        Some((next, noise))
+        Some(next)
     }
 
     /// What the rows of twins, less their offset, make of errors in them, on the average.
