@@ -4,6 +4,8 @@
 //! systematic, so its residual shows the noise; and the coordinate whose group helps most says where something
 //! that no effect of the catalogue explains lives.
 
+use rayon::prelude::*;
+
 use crate::effects::Path;
 use crate::problem::{Column, Problem, Response};
 use crate::weak::Track;
@@ -94,8 +96,8 @@ impl Dictionary {
             Response::Acceleration => coordinate != INERTIA,
             Response::Force => !coordinate.starts_with("input"),
         };
-        coordinates
-            .filter(|(_, coordinate)| kept(coordinate))
+        let kept: Vec<_> = coordinates.filter(|(_, c)| kept(c)).collect();
+        kept.into_par_iter()
             .map(|(group, coordinate)| Group {
                 coordinate,
                 columns: problem.generic(group, || self.columns(coordinate, problem)),

@@ -45,9 +45,9 @@ def methods(case):
         for start, where in ((near, "near"), (far, "far")):
             for stepper in ("Python", "Numba"):
                 yield f"SciPy, {over}, {stepper}, {where}", fit_scipy.fit(case, start, stepper, in_windows)
+            if case.name == "EMPS" and in_windows:
+                yield f"SciPy, {over}, solve_ivp, {where}", fit_scipy.fit_ode(case, start)
             yield f"mujoco.sysid, {over}, {where}", fit_mujoco.fit(case, start, in_windows)
-    if case.name == "EMPS":
-        yield "SciPy, free run, solve_ivp, near", fit_scipy.fit_ode(case, near)
 
 
 def bristle(case):

@@ -1,5 +1,7 @@
 """Output error by scipy.optimize.least_squares: the parameters whose free run comes closest to the positions."""
 
+import math
+
 import numpy as np
 import scipy.integrate
 import scipy.optimize
@@ -35,30 +37,42 @@ def fit(case, start, stepper, in_windows):
 
 
 def fit_ode(case, start):
-    """The same free run by scipy.integrate.solve_ivp, as a first attempt would write it."""
+    """Over runs of 1 s by scipy.integrate.solve_ivp, as one writes it who has no simulator."""
     t, u, q = case.train()
+    force = (case.gain * u).tolist()
+    # Speed at which the sign is 0.76: no adaptive step survives the jump itself.
+    smooth = 1e-2 * float(np.std(velocity(t, q)))
 
     def estimate():
-        v0 = velocity(t, q)[0]
+        v = velocity(t, q)
+        period = float(t[-1] - t[0]) / (len(t) - 1)
 
         def residual(theta):
-            inertia, coulomb, viscous = theta
+            inertia, coulomb, viscous = map(float, theta)
 
             def slope(time, x):
-                force = case.gain * u[min(np.searchsorted(t, time, "right"), len(t)) - 1]
-                # A smooth sign: no adaptive step survives the jump.
-                return [x[1], (force - coulomb * np.tanh(x[1] / 1e-3) - viscous * x[1]) / inertia]
+                drive = force[min(int((time - t[0]) / period + 1e-6), len(force) - 1)]
+                speed = x[1]
+                return speed, (drive - coulomb * math.tanh(speed / smooth) - viscous * speed) / inertia
 
-            solution = scipy.integrate.solve_ivp(slope, (t[0], t[-1]), [q[0], v0], "LSODA", t, max_step=5e-3)
-            return solution.y[0] - q
+            out = np.empty(len(t))
+            for first, last in windows(t):
+                # No step may pass over what the input does.
+                solution = scipy.integrate.solve_ivp(
+                    slope, (t[first], t[last - 1]), [q[first], v[first]], "LSODA", t[first:last],
+                    rtol=1e-6, atol=1e-9, max_step=5.0 * period,
+                )  # fmt: skip
+                out[first:last] = solution.y[0]
+            return out - q
 
-        return solve(residual, start)
+        # Differences far above what the tolerances leave of a solution.
+        return solve(residual, start, diff_step=1e-3)
 
     return estimate
 
 
-def solve(residual, start):
+def solve(residual, start, **options):
     start = start.vector()
     bounds = (0.02 * start, 50.0 * start)
-    result = scipy.optimize.least_squares(residual, start, bounds=bounds, x_scale=start, max_nfev=100)
+    result = scipy.optimize.least_squares(residual, start, bounds=bounds, x_scale=start, max_nfev=100, **options)
     return Parameters(*map(float, result.x)), f"{result.nfev} steps"

@@ -11,10 +11,12 @@
 //!   recordings' own residuals say is reported: twins give the more precise figure, as there are several of them, and the
 //!   recordings one that does not ask whether they resemble them.
 //!
-//! `o` and `b` are those at the estimates rather than at the truth, so they are repeated at what they lead to (indirect
-//! inference: Gouriéroux, Monfort and Renault, Journal of Applied Econometrics 8, 1993). Where noise makes regressors look
-//! more sensitive than they are, estimates follow the truth by `D < 1` only; that repetition divides by it, hence
-//! the covariance `D⁻¹·C·D⁻ᵀ`, with `D = (JᵀJ)⁻¹·JᵀG` and `G` the derivative on rows that ideal sensors give.
+//! `o` and `b` are those at the estimates rather than at the truth, so they are repeated, on twins with the same noise, at
+//! what they lead to (indirect inference: Gouriéroux, Monfort and Renault, Journal of Applied Econometrics 8, 1993). Where
+//! noise makes regressors look more sensitive than they are, estimates follow the truth by `D < 1` only; steps are divided
+//! by it, hence the covariance `D⁻¹·C·D⁻ᵀ`. To begin with `D = (JᵀJ)⁻¹·JᵀG`, `G` being the derivative on rows that ideal
+//! sensors give; that twins take other ways under other parameters shows from one repetition to the next, and `D` learns
+//! it as quasi-Newton methods do (Broyden, Mathematics of Computation 19, 1965).
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -28,12 +30,13 @@ use crate::refine::{self, Answer};
 use crate::system;
 use crate::weak::Track;
 
-/// Repetitions: what is left shrinks about fivefold with each, from less than half.
-const ROUNDS: usize = 2;
+/// Most repetitions.
+const MOST_ROUNDS: usize = 6;
+/// They end when none of their steps is longer than this, in standard errors: it adds less than a tenth to these.
+const ENOUGH: f64 = 0.4;
 /// Twins of each recording: the steps of their encoders lie evenly within one another, and their loads come in pairs of
 /// opposite sign, so that what is linear in noise cancels.
 const DRAWS: usize = 6;
-
 /// Noise variance, as a multiple of what it is known to be at most, from which on twins tell nothing. They take for noise all
 /// that they do not have, so the bias that they show is too large in this proportion, and from twice on taking it off
 /// does as much harm as good.
@@ -50,6 +53,46 @@ struct Twins {
     sensitivities: Vec<Vec<f64>>,
     /// The blocks of the rows that twins have, too.
     blocks: Vec<Option<usize>>,
+}
+
+/// The way that estimates take from one repetition to the next.
+#[derive(Default)]
+struct Way {
+    /// By how much estimates follow the truth: `D`.
+    follows: Option<DMatrix<f64>>,
+    /// What the last estimates were off by, and the step that was taken from them.
+    off: Option<DVector<f64>>,
+    stepped: Option<DVector<f64>>,
+}
+
+impl Way {
+    /// `D⁻¹`, with what the last step has changed: estimates that were off by so much are now off by `off`. `first` is
+    /// `D` to begin with; `unit` are the sizes in which parameters are compared.
+    fn back(
+        &mut self,
+        off: DVector<f64>,
+        first: DMatrix<f64>,
+        unit: &DVector<f64>,
+    ) -> Option<DMatrix<f64>> {
+        let mut follows = self.follows.take().unwrap_or(first);
+        if let (Some(before), Some(step)) = (self.off.take(), self.stepped.take()) {
+            let missed = before - &off - &follows * &step;
+            let weights = step.zip_map(unit, |s, u| s / (u * u));
+            let length = step.dot(&weights);
+            if length > 0.0 {
+                follows += missed * weights.transpose() / length;
+            }
+        }
+        // In these units, as parameters differ in size by orders of magnitude.
+        let scaled = DMatrix::from_fn(unit.len(), unit.len(), |i, j| {
+            follows[(i, j)] * unit[j] / unit[i]
+        });
+        let inverse = scaled.try_inverse()?;
+        (self.off, self.follows) = (Some(off), Some(follows));
+        Some(DMatrix::from_fn(unit.len(), unit.len(), |i, j| {
+            inverse[(i, j)] * unit[i] / unit[j]
+        }))
+    }
 }
 
 impl Workbench {
@@ -73,16 +116,21 @@ impl Workbench {
         }
         let mut noise = self.quieter(&settled);
         let most = MOST_MISFIT * noise.law.floor();
-        for round in 0..ROUNDS {
+        let mut way = Way::default();
+        for round in 0..MOST_ROUNDS {
             let load = self.load_noise(&noise, &settled);
-            let twins = self.twins(&settled, recordings, load, round)?;
+            let twins = self.twins(&settled, recordings, load)?;
             let residual = less(&system::residual(&self.problem, &settled), &twins.offset);
             let unknowns = refine::free_parameters(&settled).len();
             noise = Noise::estimate(&self.problem, &residual, unknowns, &twins.blocks);
             if noise.law.floor() > most {
                 return None;
             }
-            settled = self.settle_once(&settled, &twins, &noise)?;
+            let left;
+            (settled, left) = self.settle_once(&settled, &twins, &noise, &mut way)?;
+            if round > 0 && left < ENOUGH {
+                break;
+            }
         }
         for &k in &taken {
             *settled.parameters_mut()[k] = model.parameters()[k].clone();
@@ -103,30 +151,48 @@ impl Workbench {
         }
     }
 
-    /// One repetition.
-    fn settle_once(&self, model: &Model, twins: &Twins, noise: &Noise) -> Option<Model> {
+    /// One repetition, with the longest of its steps in standard errors.
+    fn settle_once(
+        &self,
+        model: &Model,
+        twins: &Twins,
+        noise: &Noise,
+        way: &mut Way,
+    ) -> Option<(Model, f64)> {
         let (offset, blocks) = (&twins.offset, &twins.blocks);
         let free = refine::free_parameters(model);
         let answers = self.answers(twins, model, noise)?;
         let mut next = model.clone();
         let normal = refine::refine_beside(offset, &self.problem, &mut next, noise, blocks);
-        let bias = free.iter().copied().zip(answers.step.iter().copied());
-        next = refine::moved(&next, &bias.collect::<Vec<_>>(), -1.0)?;
+        let values = |model: &Model| {
+            let value = |&k: &usize| model.parameters()[k].value.unwrap_or_default();
+            DVector::from_iterator(free.len(), free.iter().map(value))
+        };
+        let off = values(&next) - answers.step - values(model);
         let (_, sandwich, scale) = normal.covariances()?;
-        // Everything in units of the inverse column norms, as parameters differ in size by orders of magnitude.
-        let scale = DMatrix::from_diagonal(&DVector::from_vec(scale));
-        let unscale = scale.clone().try_inverse()?;
-        let back = (&scale * answers.follows * &unscale).try_inverse()?;
-        let through = |c: DMatrix<f64>| &unscale * &back * c * back.transpose() * &unscale;
-        let (own, twins) = (
-            through(sandwich),
-            through(&scale * answers.covariance * &scale),
-        );
-        for (at, &k) in free.iter().enumerate() {
-            let se = own[(at, at)].max(twins[(at, at)]).sqrt();
-            next.parameters_mut()[k].se = Some(se);
+        let own = DMatrix::from_fn(free.len(), free.len(), |i, j| {
+            sandwich[(i, j)] / (scale[i] * scale[j])
+        });
+        let unit = answers.covariance.diagonal().map(f64::sqrt);
+        let back = way.back(off.clone(), answers.follows, &unit)?;
+        let (step, stepped) = [&back * &off, off].into_iter().find_map(|step| {
+            let moves: Vec<_> = free.iter().copied().zip(step.iter().copied()).collect();
+            Some((step, refine::moved(model, &moves, 1.0)?))
+        })?;
+        let through = |c: DMatrix<f64>| (&back * c * back.transpose()).diagonal();
+        let (own, twins) = (through(own), through(answers.covariance));
+        // The twins' own noise comes on top of the recordings', as part of what estimates are held against.
+        let drawn = 1.0 + 1.0 / DRAWS as f64;
+        let mut longest = 0.0_f64;
+        for (at, (&k, value)) in free.iter().zip(&values(&stepped)).enumerate() {
+            let se = (drawn * own[at].max(twins[at])).sqrt();
+            longest = longest.max((step[at] / se).abs());
+            let parameter = &mut *next.parameters_mut().swap_remove(k);
+            // What this step has put right the next one might take back.
+            (parameter.value, parameter.se) = (Some(*value), Some(se.hypot(step[at])));
         }
-        Some(next)
+        way.stepped = Some(step);
+        Some((next, longest))
     }
 
     /// What the rows of twins, less their offset, make of errors in them, on the average.
@@ -176,20 +242,14 @@ impl Workbench {
     }
 
     /// Twins of the recordings under a load of some RMS; `None` where the model describes no axis that could give them.
-    fn twins(
-        &self,
-        model: &Model,
-        recordings: &[Recording],
-        load: f64,
-        round: usize,
-    ) -> Option<Twins> {
+    fn twins(&self, model: &Model, recordings: &[Recording], load: f64) -> Option<Twins> {
         // The last one is the ideal one, without noise.
         let make = |draw: usize| {
             let draw = (draw < DRAWS).then(|| Draw {
                 at: (draw as f64 + 0.5) / DRAWS as f64,
                 load: if draw % 2 == 0 { load } else { -load },
-                seed: (round * DRAWS + draw) as u64,
-                pair: (round * DRAWS + draw / 2) as u64,
+                seed: draw as u64,
+                pair: draw as u64 / 2,
             });
             let problem = self.twin(model, recordings, draw)?;
             let residual = system::residual(&problem, model);
