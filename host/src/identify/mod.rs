@@ -5,6 +5,7 @@ mod settle;
 mod side;
 mod smoothing;
 mod twin;
+mod way;
 mod width;
 
 use std::sync::OnceLock;

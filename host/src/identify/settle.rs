@@ -21,7 +21,7 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::{Workbench, twin::Twin};
+use super::{Workbench, twin::Twin, way::Way};
 use crate::model::{Causality, Model};
 use crate::noise::Noise;
 use crate::problem::{Problem, Row};
@@ -53,46 +53,6 @@ struct Twins {
     sensitivities: Vec<Vec<f64>>,
     /// The blocks of the rows that twins have, too.
     blocks: Vec<Option<usize>>,
-}
-
-/// The way that estimates take from one repetition to the next.
-#[derive(Default)]
-struct Way {
-    /// By how much estimates follow the truth: `D`.
-    follows: Option<DMatrix<f64>>,
-    /// What the last estimates were off by, and the step that was taken from them.
-    off: Option<DVector<f64>>,
-    stepped: Option<DVector<f64>>,
-}
-
-impl Way {
-    /// `D⁻¹`, with what the last step has changed: estimates that were off by so much are now off by `off`. `first` is
-    /// `D` to begin with; `unit` are the sizes in which parameters are compared.
-    fn back(
-        &mut self,
-        off: DVector<f64>,
-        first: DMatrix<f64>,
-        unit: &DVector<f64>,
-    ) -> Option<DMatrix<f64>> {
-        let mut follows = self.follows.take().unwrap_or(first);
-        if let (Some(before), Some(step)) = (self.off.take(), self.stepped.take()) {
-            let missed = before - &off - &follows * &step;
-            let weights = step.zip_map(unit, |s, u| s / (u * u));
-            let length = step.dot(&weights);
-            if length > 0.0 {
-                follows += missed * weights.transpose() / length;
-            }
-        }
-        // In these units, as parameters differ in size by orders of magnitude.
-        let scaled = DMatrix::from_fn(unit.len(), unit.len(), |i, j| {
-            follows[(i, j)] * unit[j] / unit[i]
-        });
-        let inverse = scaled.try_inverse()?;
-        (self.off, self.follows) = (Some(off), Some(follows));
-        Some(DMatrix::from_fn(unit.len(), unit.len(), |i, j| {
-            inverse[(i, j)] * unit[i] / unit[j]
-        }))
-    }
 }
 
 impl Workbench {
