@@ -218,6 +218,14 @@ fn coupling(model: &Model, inertia: f64) -> Result<Option<Coupling>> {
     }
 }
 
+/// The inertia that a winding lets an input feel, `J − k·ke·τ`: back-EMF passes the winding's lag, `v − τ·v̇` to the first
+/// order, so that it takes less off where the axis speeds up. Both make an oscillator where `k·ke·τ` exceeds a quarter of
+/// `J`, which this does not describe.
+fn felt(inertia: f64, gain: f64, model: &Model) -> f64 {
+    let helped = gain * model.back_emf() * model.winding_lag();
+    inertia - helped.min(0.25 * inertia)
+}
+
 /// Refuses a model in which a value is missing; the message names the first one.
 pub fn complete(model: &Model) -> Result<()> {
     match model.first_unknown() {
@@ -249,9 +257,10 @@ impl Axis {
             let (_, coefficients) = t.effect.linear(&system::values(t), model.scale());
             (t.effect, coefficients)
         });
+        let gain = model.gain.value.unwrap_or_default();
         Ok(Self {
-            inertia: moving.value.unwrap_or_default(),
-            gain: model.gain.value.unwrap_or_default(),
+            inertia: felt(moving.value.unwrap_or_default(), gain, model),
+            gain,
             back_emf: model.back_emf(),
             path: system::path(model),
             contact: Contact::new(model),

@@ -13,6 +13,8 @@ pub struct Score {
     pub by_block: Vec<f64>,
     /// Sum over the blocks.
     pub cross_validated: f64,
+    /// Coefficients of the fits to all folds but one.
+    folds: Vec<DVector<f64>>,
 }
 
 impl Score {
@@ -23,6 +25,16 @@ impl Score {
         self.cross_validated *= factor;
         self.by_block.iter_mut().for_each(|e| *e *= factor);
         self
+    }
+
+    /// Standard error of a coefficient, misfit and all, by the jackknife over the folds (Efron and Stein, Annals of Statistics
+    /// 9, 1981).
+    pub fn jackknife(&self, coefficient: usize) -> f64 {
+        let values = self.folds.iter().map(|beta| beta[coefficient]);
+        let count = self.folds.len() as f64;
+        let mean = values.clone().sum::<f64>() / count;
+        let squares: f64 = values.map(|value| (value - mean).powi(2)).sum();
+        ((count - 1.0) / count * squares).sqrt()
     }
 }
 
@@ -125,6 +137,7 @@ pub fn score(
     let scale = total.scale();
     let beta = total.solve(ridge, &scale)?;
     let mut by_block = vec![0.0; count];
+    let mut folds = Vec::with_capacity(FOLDS);
     for fold in 0..FOLDS.min(count) {
         let own = sum(&mut grams.iter().skip(fold).step_by(FOLDS));
         let others = Gram {
@@ -136,6 +149,7 @@ pub fn score(
         for block in (fold..count).step_by(FOLDS) {
             by_block[block] = grams[block].residual(&beta);
         }
+        folds.push(beta);
     }
     let by_block: Vec<f64> = (by_block.into_iter().zip(sizes))
         .filter_map(|(error, size)| (size > 0).then_some(error))
@@ -145,6 +159,7 @@ pub fn score(
         beta,
         cross_validated: by_block.iter().sum(),
         by_block,
+        folds,
     })
 }
 

@@ -30,11 +30,12 @@ pub struct Ground<'a> {
 /// The inertias that a recording leaves room for, whatever acts on the axis besides.
 #[derive(Clone, Copy, Debug)]
 pub struct Inertias {
-    /// The force side's, which noise in the acceleration can only make too small: what a model falls back to that leaves so
-    /// much out that its own inertia would be negative.
+    /// The force side's, which noise in the acceleration can only make too small, less what it may err by.
     pub least: f64,
-    /// The acceleration side's, which noise in the torque can only make too large; infinite if the motion does not follow
-    /// the drive.
+    /// What a model falls back to that leaves so much out that its own inertia would be negative: the force side's.
+    pub fallback: f64,
+    /// The acceleration side's, which noise in the torque can only make too large, and what it may err by; infinite if the
+    /// motion does not follow the drive.
     pub most: f64,
 }
 
@@ -304,7 +305,7 @@ impl<'a> Ground<'a> {
     fn plausible(&self, model: &Model) -> bool {
         let inertia = |model: &Model| model.parameters()[model.moving_inertia()].clone();
         let (now, before) = (inertia(model), inertia(self.model));
-        let (Some(Inertias { least, most }), Some(value)) = (self.inertias, now.value) else {
+        let (Some(Inertias { least, most, .. }), Some(value)) = (self.inertias, now.value) else {
             return true;
         };
         let off = |value: f64| (value / value.clamp(least, most)).ln().abs();

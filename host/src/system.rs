@@ -98,7 +98,10 @@ pub fn block_length(training: f64) -> f64 {
 
 /// The way of the input in a model whose parameters have values.
 pub fn path(model: &Model) -> Path {
-    let mut path = Path::default();
+    let mut path = Path {
+        lag: model.winding_lag(),
+        ..Path::default()
+    };
     for term in &model.terms {
         term.effect.transmit(&values(term), &mut path);
     }
@@ -424,7 +427,8 @@ fn check_scale(model: &Model) -> Result<()> {
     Ok(())
 }
 
-/// The input less what velocity takes off it.
+/// The input less what velocity takes off it: `lag[u] − ke·(v − τ·v̇)` behind a winding of the time constant `τ`, whose lag
+/// the back-EMF passes, too, here to the first order.
 fn effective_input(problem: &Problem, model: &Model, path: &Path) -> Column {
     let input = problem.input(path);
     let back_emf = model.back_emf();
@@ -433,6 +437,10 @@ fn effective_input(problem: &Problem, model: &Model, path: &Path) -> Column {
     }
     let mut effective = input.to_vec();
     add(&mut effective, -back_emf, &problem.velocity());
+    let winding = model.winding_lag();
+    if winding > 0.0 {
+        add(&mut effective, back_emf * winding, &problem.acceleration);
+    }
     Arc::new(effective)
 }
 

@@ -222,7 +222,9 @@ fn rescued(
     Ok(halves(before.train(), after.train()) && halves(before.held_out(), after.held_out()))
 }
 
-/// Drops effects that those selected later have made superfluous, each judged under the windows that it was found with.
+/// Looks again at all effects but the one selected last, each under the windows that it was found with: drops those that are
+/// superfluous by now, and gives the place of one to the rival that has the better evidence beside all others. What was named
+/// while much was left out may have stood in for more than itself.
 fn reexamine(
     scope: &Scope,
     baseline: &Model,
@@ -232,34 +234,77 @@ fn reexamine(
 ) -> Result<Model> {
     let mut current = full;
     let mut k = 0;
-    while selected.len() > 1 && k + 1 < selected.len() {
-        let without = without(&current, baseline.terms.len() + k);
-        let bench = if selected[k].fast {
-            scope.bench
-        } else {
-            scope.usual
-        };
-        let trial = match Base::new(bench, &without)? {
-            Some(base) => base.attempt(selected[k].trial.effect)?,
-            None => None,
-        };
-        let needed = match trial {
-            Some(trial) if selected[k].fast => (scope.passes)(&trial),
-            Some(trial) if passes(&trial) => true,
-            Some(trial) if worth_a_look(&trial) => {
-                let before = fit::parts(&without, recordings, &bench.problem.tracks)?;
-                rescued(bench, (&without, &before), &trial, recordings)?
+    while k + 1 < selected.len() {
+        let term = baseline.terms.len() + k;
+        let lacking = without(&current, term);
+        let next = match again(scope, &selected[k], &lacking, recordings)? {
+            Some(same) if same.trial.effect.id() == selected[k].trial.effect.id() => {
+                k += 1;
+                continue;
             }
-            _ => false,
+            Some(rival) => {
+                let mut next = with_trial(&lacking, &rival.trial);
+                next.terms[term..].rotate_right(1);
+                selected[k] = rival;
+                k += 1;
+                next
+            }
+            None => {
+                selected.remove(k);
+                lacking
+            }
         };
-        if needed {
-            k += 1;
-        } else {
-            selected.remove(k);
-            current = scope.bench.estimate(&without)?.0;
-        }
+        current = scope.bench.estimate(&next)?.0;
     }
     Ok(current)
+}
+
+/// What takes the place of a selected effect in a model that lacks it: the effect itself where it is still needed, a rival with
+/// better evidence, or nothing.
+fn again(
+    scope: &Scope,
+    selected: &Selected,
+    lacking: &Model,
+    recordings: &[Recording],
+) -> Result<Option<Selected>> {
+    let (bench, fast) = if selected.fast {
+        (scope.bench, true)
+    } else {
+        (scope.usual, false)
+    };
+    let Some(base) = Base::new(bench, lacking)? else {
+        return Ok(None);
+    };
+    let id = selected.trial.effect.id();
+    let rival = |e: &dyn Effect| selected.others.iter().any(|o| o.effect.id() == e.id());
+    let sought = |e: &dyn Effect| e.id() == id || rival(e);
+    let enough = |trial: &Trial| {
+        if fast {
+            (scope.passes)(trial)
+        } else {
+            passes(trial)
+        }
+    };
+    let (mut passing, rest): (Vec<Trial>, Vec<Trial>) = trials(&base, lacking, &sought)?
+        .into_iter()
+        .partition(enough);
+    if passing.is_empty() && !fast {
+        let itself = rest
+            .into_iter()
+            .find(|t| t.effect.id() == id && worth_a_look(t));
+        if let Some(trial) = itself {
+            let before = fit::parts(lacking, recordings, &bench.problem.tracks)?;
+            if rescued(bench, (lacking, &before), &trial, recordings)? {
+                passing.push(trial);
+            }
+        }
+    }
+    let mut passing = passing.into_iter();
+    Ok(passing.next().map(|trial| Selected {
+        trial,
+        fast,
+        others: passing.collect(),
+    }))
 }
 
 /// The model without one of its terms.

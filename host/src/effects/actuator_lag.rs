@@ -74,6 +74,6 @@ impl Effect for ActuatorLag {
         geometric(0.25 * survey.period, most, 16)
     }
     fn transmit(&self, p: &[f64], path: &mut Path) {
-        path.lag = p[0];
+        path.lag += p[0];
     }
 }

@@ -61,7 +61,7 @@ impl Effect for Delay {
     fn grid(&self, survey: &Survey) -> Vec<f64> {
         // A delay beyond the half-width of the windows would decorrelate drive and response altogether.
         let most = survey.half_width.max(8.0 * survey.period);
-        super::geometric(0.25 * survey.period, most, 24)
+        super::geometric(0.25 * survey.period, most, 16)
     }
     fn admissible(&self, _c: &[f64]) -> bool {
         true

@@ -1,7 +1,8 @@
 //! The way of the input to the axis: what an amplifier makes of the recorded `u`.
 
 /// Static limits first, then what shifts and smooths in time: `w = limit(dead_zone(u))`, delayed, through a first-order
-/// lag. Delay and lag commute with each other, and a delay with anything.
+/// lag. Delay and lag commute with each other, and a delay with anything. Lags in series, those of a winding and of what
+/// drives it, act as one of their sum, which is right to the first order in their time constants.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Path {
     /// Inputs up to this size do nothing; larger ones act less by as much.

@@ -230,7 +230,7 @@ impl Workbench {
             // Nothing is integrated, so none at all will do.
             return Ok(0.0);
         }
-        self.inertias.map(|i| i.least).ok_or_else(|| {
+        self.inertias.map(|i| i.fallback).ok_or_else(|| {
             Error::NotIdentifiable(
                 "the motion does not follow u: the estimated inertia is negative; check the signs of u and q and which columns they are, and that the recording accelerates the axis".to_owned(),
             )

@@ -45,44 +45,38 @@ pub(super) fn choose_response(
     };
     let all = generic(&|coordinate| !coordinate.starts_with("input"));
     let position = generic(&|coordinate| coordinate == "position");
-    let mut inertia = |response: Response, generic: &[Arc<Vec<f64>>]| -> Result<Option<f64>> {
+    let mut inertia = |response: Response, generic: &[Arc<Vec<f64>>]| -> Result<Option<Told>> {
         problem.response = response;
         let system = System::new(problem, model)?;
         let columns = system.columns_and(generic.iter().map(|c| c.as_slice()));
         let score = linear::score(&system.response, &columns, blocks, GENERIC_RIDGE, None);
         // The inertia, or its inverse, is the first unknown of the system.
-        Ok(score.map(|s| {
-            if response == Response::Force {
-                s.beta[0]
-            } else {
-                1.0 / s.beta[0]
-            }
-        }))
+        Ok(score.map(|s| Told::new(response, s.beta[0], TWO_SIDED * s.jackknife(0))))
     };
-    let mut by_both_sides = |generic: &[Arc<Vec<f64>>]| -> Result<(Option<f64>, Option<f64>)> {
+    let mut by_both_sides = |generic: &[Arc<Vec<f64>>]| -> Result<(Option<Told>, Option<Told>)> {
         Ok((
             inertia(Response::Acceleration, generic)?,
             inertia(Response::Force, generic)?,
         ))
     };
     let (full, plain) = (by_both_sides(&all)?, by_both_sides(&[])?);
-    let positive = |j: Option<f64>| j.filter(|j| *j > 0.0);
+    let positive = |told: Option<Told>| told.filter(|told| told.value > 0.0);
     // A short recording may carry functions of position, gravity and springs among them, but not the whole dictionary. Where
     // the force side fails, so little of the torque accelerates that the other side's inertia, too large, is all there is.
     let least = positive(full.1)
         .or(positive(by_both_sides(&position)?.1))
         .or(positive(plain.1))
         .or(positive(full.0));
-    let most = positive(full.0).unwrap_or(f64::INFINITY);
+    let most = positive(full.0);
     let inertias = least.map(|least| Inertias {
-        least,
-        most: most.max(least),
+        least: least.least,
+        fallback: least.value,
+        most: most.map_or(f64::INFINITY, |most| most.most.max(least.most)),
     });
-    let disagree = |(acceleration, force): (Option<f64>, Option<f64>), tolerance: f64| match (
-        acceleration,
-        force,
-    ) {
-        (Some(a), Some(f)) => !(a > 0.0 && a < tolerance * f),
+    let disagree = |sides: (Option<Told>, Option<Told>), tolerance: f64| match sides {
+        (Some(Told { value: a, .. }), Some(Told { value: f, .. })) => {
+            !(a > 0.0 && a < tolerance * f)
+        }
         _ => false,
     };
     if disagree(full, DISAGREEMENT) || disagree(plain, ROUGH_DISAGREEMENT) {
@@ -90,3 +84,35 @@ pub(super) fn choose_response(
     }
     Ok((Response::Acceleration, inertias))
 }
+
+/// An inertia as one side of the equation tells it.
+#[derive(Clone, Copy)]
+struct Told {
+    value: f64,
+    /// What it may be at least and at most.
+    least: f64,
+    most: f64,
+}
+
+impl Told {
+    /// By the coefficient of the acceleration, or of the drive, with what it may err by.
+    fn new(response: Response, coefficient: f64, error: f64) -> Self {
+        let (low, high) = (coefficient - error, coefficient + error);
+        let positive = |x: f64| x.max(f64::MIN_POSITIVE);
+        if response == Response::Force {
+            return Self {
+                value: coefficient,
+                least: positive(low),
+                most: high,
+            };
+        }
+        Self {
+            value: 1.0 / coefficient,
+            least: positive(high).recip(),
+            most: positive(low).recip(),
+        }
+    }
+}
+
+/// Student's t with the four degrees of freedom of five folds, 95 % on two sides.
+const TWO_SIDED: f64 = 2.78;

@@ -27,9 +27,8 @@ impl Model {
         })
     }
 
-    /// A DC motor as an axis under voltage: `k = a·kt/R` with `a` the amplifier's gain, and `ke/a` as its back-EMF. The
-    /// armature's time constant `L/R` is left out: with a millisecond or two it lies beyond the windows, and where it
-    /// does not, the actuator lag is found as what was left out. Other models as they are.
+    /// A DC motor as an axis under voltage: `k = a·kt/R` with `a` the amplifier's gain, `ke/a` as its back-EMF, and `L/R`
+    /// as the time constant of its winding, which is 0 where the inductance is not given. Other models as they are.
     fn into_axis(self) -> std::result::Result<Self, String> {
         if self.kind != Kind::DcMotor {
             return Ok(self);
@@ -46,6 +45,7 @@ impl Model {
         }
         let [resistance, torque_constant, back_emf] = given.map(|(_, v)| v.unwrap_or_default());
         let amplifier = amplifier.1.unwrap_or_default();
+        let inductance = self.constant("plant.inductance");
         let mut document = self.document;
         let plant = table(&mut document, "plant");
         for name in ["kind", "resistance", "inductance", "torque_constant"] {
@@ -58,6 +58,13 @@ impl Model {
             value(amplifier * torque_constant / resistance),
         );
         put(plant, "back_emf", value(back_emf / amplifier));
+        if inductance.is_finite() {
+            put(
+                plant,
+                "electrical_time_constant",
+                value(inductance / resistance),
+            );
+        }
         Self::parse(&document.to_string())
     }
 

@@ -1,6 +1,6 @@
 //! Plants that a model file can choose, and the constants that plants and friction laws have beyond an axis's own.
 
-use super::{Law, Model, Motion, Parameter};
+use super::{Causality, Law, Model, Motion, Parameter};
 
 /// What `plant.kind` says.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -106,7 +106,14 @@ impl Kind {
             default: Default::SameAs("torque_constant"),
         };
         match self {
-            Self::Axis => const { &[number("back_emf", 0.0)] },
+            Self::Axis => {
+                const {
+                    &[
+                        number("back_emf", 0.0),
+                        number("electrical_time_constant", 0.0),
+                    ]
+                }
+            }
             Self::MassSpring => const { &[unknown("stiffness")] },
             Self::DcMotor => {
                 const {
@@ -187,6 +194,14 @@ impl Model {
     pub fn back_emf(&self) -> f64 {
         match self.kind {
             Kind::Axis => self.constant("plant.back_emf"),
+            _ => 0.0,
+        }
+    }
+
+    /// Time constant `L/R` of the winding of an axis that a voltage drives, s. An imposed motion drives none.
+    pub fn winding_lag(&self) -> f64 {
+        match (self.kind, self.causality) {
+            (Kind::Axis, Causality::Forward) => self.constant("plant.electrical_time_constant"),
             _ => 0.0,
         }
     }
