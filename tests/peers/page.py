@@ -37,14 +37,33 @@ Bristle the whole process counts, with reading, the choice of windows, standard 
   of 41 samples; weak form with windows of ±0.1 s. It needs no start values. A constant found is judged with it.
 - *Bristle*: a file that says `"?"` three times. It needs no start values and gives standard errors.
 
-**How to read the times.** Bristle's is that of the program as a user runs it, against a peer's bare fit. Where it says × 100 or more,
-Bristle is a hundred times faster or more: against `mujoco.sysid` and against SciPy with `solve_ivp`. Against SciPy with a
-simulator written for this very model it is not: in plain Python that takes some ten times as long as Bristle or less, and
-compiled by Numba about as long or less. PySINDy with smoothed differences, one linear regression, is faster than Bristle.
+**Times beside Bristle's**, over all tables (the whole program against a peer's bare fit):
+{ratios}
 
 Errors of parameters are relative to the reference: the true values of a simulated axis, the published ones of EMPS
 (A. Janot, M. Gautier, M. Brunot, 2019), which belong to a model with one parameter more.
 """
+
+
+# Kinds of peers, by what their names hold.
+KINDS = {
+    "SciPy with `solve_ivp`": ("solve_ivp",),
+    "`mujoco.sysid`": ("mujoco",),
+    "SciPy with a simulator written for this model, in plain Python": ("SciPy", "Python"),
+    "the same compiled by Numba": ("SciPy", "Numba"),
+    "PySINDy, weak form": ("PySINDy", "weak"),
+    "PySINDy, smoothed differences (one linear regression)": ("PySINDy", "smoothed"),
+}
+
+
+def ratios(times):
+    """From the least to the most that each kind of peer takes, of pairs of its name and its time over Bristle's."""
+    lines = []
+    for kind, parts in KINDS.items():
+        own = [ratio for method, ratio in times if all(part in method for part in parts)]
+        if own:
+            lines.append(f"- {kind}: {min(own):.2g} to {max(own):.2g} times as long")
+    return "\n".join(lines)
 
 
 def machine():
@@ -85,7 +104,8 @@ def table(case, rows):
 
 
 def write(tables):
-    text = HEAD.format(machine=machine(), versions=versions())
+    times = [(row.method, row.seconds / rows[0].seconds) for _, rows in tables for row in rows]
+    text = HEAD.format(machine=machine(), versions=versions(), ratios=ratios(times))
     text += "".join("\n" + table(case, rows) for case, rows in tables)
     PAGE.write_text(text)
     return PAGE.relative_to(ROOT)
