@@ -62,7 +62,7 @@ def ratios(times):
     for kind, parts in KINDS.items():
         own = [ratio for method, ratio in times if all(part in method for part in parts)]
         if own:
-            lines.append(f"- {kind}: {min(own):.2g} to {max(own):.2g} times as long")
+            lines.append(f"- {kind}: {min(own):.3g} to {max(own):.3g} times as long")
     return "\n".join(lines)
 
 
