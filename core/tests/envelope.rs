@@ -223,6 +223,9 @@ impl<R: Rounding> Scalar for Tracked<R> {
     fn half(self) -> Self {
         Self::result(0.5 * self.value, 0.5 * self.error, R::product)
     }
+    fn share_of(self, whole: u32) -> u32 {
+        self.value.share_of(whole)
+    }
     fn wave(phase: u32) -> (Self, Self) {
         let (sine, cosine) = f64::wave(phase);
         let bound = |value| R::relaxation(value);

@@ -25,6 +25,8 @@ pub struct Said {
     pub verdict: Verdict,
     /// Ids of the findings with their confidences.
     pub findings: Vec<(&'static str, f64)>,
+    /// Rivals of the first finding that the data do not tell from it.
+    pub open: Vec<&'static str>,
     /// What something unexplained depends on.
     pub coordinate: Option<&'static str>,
     /// Error of 1 s free runs on the held-out part, of the baseline and of the final model.
@@ -77,6 +79,10 @@ fn say(recording: &[Recording], baseline: &str) -> Said {
             Said {
                 verdict: d.verdict,
                 findings: d.findings.iter().map(|f| (f.id, f.confidence)).collect(),
+                open: d.findings.first().map_or(Vec::new(), |first| {
+                    let rivals = first.rivals.iter().filter(|r| !r.separated);
+                    rivals.map(|r| r.id).collect()
+                }),
                 coordinate: d.leftover.coordinates.first().map(|c| c.0),
                 held_out: [d.fit.before.held_out.nrmse, d.fit.after.held_out.nrmse],
             }
@@ -86,6 +92,7 @@ fn say(recording: &[Recording], baseline: &str) -> Said {
             Said {
                 verdict: Verdict::Unknown,
                 findings: Vec::new(),
+                open: Vec::new(),
                 coordinate: None,
                 held_out: [f64::NAN; 2],
             }

@@ -38,6 +38,11 @@ fn misnamed(answer: &Answer) -> bool {
     first(answer).is_some_and(|id| !answer.label.effects.contains(&id))
 }
 
+/// Wrong, with the right name listed as one that the data do not tell from it.
+fn undecided(answer: &Answer) -> bool {
+    misnamed(answer) && answer.said.open.contains(&answer.label.effects[0])
+}
+
 /// `12 of 13 (92.3 %)`.
 fn share<'a>(of: &[&'a Answer], f: impl Fn(&'a Answer) -> bool) -> String {
     let count = of.iter().filter(|a| f(a)).count();
@@ -97,10 +102,11 @@ fn singles(answers: &[Answer]) {
                 .collect()
         };
         println!(
-            "  {name}: 10 % and more {}, 3 % {}; misnamed {}",
+            "  {name}: 10 % and more {}, 3 % {}; misnamed {}, {} of them beside the right name as a rival that the data do not tell apart",
             share(&sized(0.05, 1.0), right),
             share(&sized(0.0, 0.05), right),
-            share(&these, misnamed)
+            share(&these, misnamed),
+            these.iter().filter(|a| undecided(a)).count()
         );
     }
 }

@@ -44,6 +44,7 @@ impl<T: Scalar> Backlash<T> {
     }
 
     /// The inertia that an acceleration has to move, out of `inertia` in all, where the measured side is.
+    #[inline]
     pub(super) fn carried(&self, inertia: T, acceleration: T, play: &Play<T>) -> T {
         let flank = self.gap.half();
         // Against the flank it pushes at, the load comes along; away from it, it stays behind until the gap is crossed.
@@ -61,6 +62,7 @@ impl<T: Scalar> Backlash<T> {
 
     /// The measured side moves by `moved` counts, and the set point at `velocity`; `most` is the counts that
     /// [`Backlash::speed`] makes in a sample. Returns the counts by which the set point has changed flanks.
+    #[inline]
     pub(super) fn follow(&self, play: &mut Play<T>, moved: T, velocity: T, most: T) -> T {
         let flank = self.gap.half();
         play.at = (play.at + moved).clamp_symmetric(flank);

@@ -92,28 +92,30 @@ impl<T: Scalar> Compensation<T> {
     }
 
     /// The torque, with the deflection `bristles`, which is brought forward by `period` seconds.
+    #[inline(always)]
     pub(super) fn torque(&self, law: &Law<T>, at: Velocities<T>, bristles: &mut T, period: T) -> T {
-        let velocity = match self.driver {
-            Driver::Desired => at.desired,
-            Driver::Measured => at.measured,
-            Driver::Command => at.command,
+        // The viscous part of a command would be one more velocity gain.
+        let (velocity, sliding) = match self.driver {
+            Driver::Desired => (at.desired, at.desired),
+            Driver::Measured => (at.measured, at.measured),
+            Driver::Command => (at.command, at.desired),
         };
         let full = match self.method {
             Method::Off => return T::ZERO,
             Method::Static => {
                 let level = law.level(velocity);
-                // The viscous part of a command would be one more velocity gain.
-                let (line, sliding) = match self.driver {
-                    Driver::Desired => (level * at.crossed, at.desired),
-                    Driver::Measured => (self.slope * velocity, velocity),
-                    Driver::Command => {
-                        let correction = self.slope * (at.command - at.desired);
-                        (level * at.crossed + correction, at.desired)
-                    }
+                let line = if self.driver == Driver::Measured {
+                    self.slope * velocity
+                } else {
+                    // Without a correction in the velocity that is asked for, the second part is none.
+                    (level * at.crossed).plus_product(self.slope, velocity - sliding)
                 };
-                line.clamp_symmetric(level) + law.viscosity() * sliding
+                let line = line.clamp_symmetric(level);
+                line.plus_product(law.viscosity(), sliding)
             }
             Method::Bristles => {
+                // Of a copy, or all of the law would have to lie in memory for the other methods as well.
+                let law = *law;
                 let step = law.step(*bristles, velocity, period);
                 *bristles = step.deflection;
                 step.force

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::compensation::Velocities;
+use super::coulomb::Slid;
 use super::derived::Derived;
 use super::friction::Law;
 use super::rows::{Seen, Weights};
@@ -86,8 +87,8 @@ struct Wanted<T> {
     velocity: T,
     command: T,
     acceleration: T,
-    /// Whether the integral is to rest.
-    rest: bool,
+    /// Counts to the set point; more than the one at which the integral rests, where a velocity is asked for.
+    left: T,
 }
 
 impl<T: Scalar> Controller<T> {
@@ -159,7 +160,7 @@ impl<T: Scalar> Controller<T> {
     #[inline]
     pub fn amend(&mut self, off: T, short: T) {
         let gain = self.parameters.gain;
-        self.state.drive += gain * off;
+        self.state.drive = self.state.drive.plus_product(gain, off);
         self.state.pressed = if gain < T::ZERO { -short } else { short };
     }
 
@@ -195,11 +196,13 @@ impl<T: Scalar> Controller<T> {
                 friction = self.friction(&wanted, wave);
                 probe.ended(Stage::Compensation);
                 let p = &self.parameters;
-                let inertia =
-                    p.effects
-                        .backlash
-                        .carried(p.inertia, wanted.acceleration, &self.state.play);
-                let ahead = inertia * wanted.acceleration + friction + holding;
+                let inertia = if self.derived.loose {
+                    let backlash = &p.effects.backlash;
+                    backlash.carried(p.inertia, wanted.acceleration, &self.state.play)
+                } else {
+                    p.inertia
+                };
+                let ahead = (friction + holding).plus_product(inertia, wanted.acceleration);
                 self.feed_back(&wanted, ahead, moved)
             }
         };
@@ -227,6 +230,7 @@ impl<T: Scalar> Controller<T> {
     }
 
     /// Takes the encoder's counts in; by how many counts the position has moved.
+    #[inline(always)]
     fn observe(&mut self, counts: i32) -> T {
         let Self { derived, state, .. } = self;
         let push = state.drive * derived.kick;
@@ -237,6 +241,7 @@ impl<T: Scalar> Controller<T> {
     }
 
     /// Learns from a sample before which the velocity was `before`.
+    #[inline(always)]
     fn learn(&mut self, counts: i32, before: T) {
         let Self {
             parameters,
@@ -246,20 +251,23 @@ impl<T: Scalar> Controller<T> {
             ..
         } = self;
         let after = state.observer.velocity;
-        // What is known of friction beyond the Coulomb level belongs to what acts.
-        let known = state.drive - before.sign() * state.excess;
         let adaptation = &parameters.adaptation;
         let last = state.learned;
         match adaptation.method {
             Learning::Off => {}
             Learning::Observer => {
-                let push = known * derived.kick;
-                state.learned[0] =
-                    adaptation.observed(&derived.rates, last[0], before, after, push);
+                let slid = Slid {
+                    before,
+                    after,
+                    drive: state.drive,
+                    excess: state.excess,
+                };
+                state.learned[0] = adaptation.observed(&derived.rates, last[0], slid);
             }
             Learning::Rows => {
-                // An offset in force is among what is known, and is to be learned anew.
-                let torque = known + last[1];
+                // What is known of friction beyond the Coulomb level belongs to what acts; an offset in force as well, and
+                // is to be learned anew.
+                let torque = state.drive - before.sign() * state.excess + last[1];
                 let seen = Seen { counts, torque };
                 derived
                     .rows
@@ -270,28 +278,27 @@ impl<T: Scalar> Controller<T> {
     }
 
     /// What resists at a position, whatever the direction, and what the Coulomb level has there beyond its mean.
+    #[inline(always)]
     fn placed(&self, position: Position<T>, velocity: T) -> (T, T) {
-        let effects = &self.parameters.effects;
-        let even = self.state.learned[1] + effects.viscous_difference * velocity.abs();
-        if !self.derived.placed {
-            return (even, T::ZERO);
-        }
-        let holding = effects.holding(position, self.derived.waves, self.parameters.count);
-        let wave = if self.derived.uneven {
-            effects.friction.at(position)
+        let (effects, derived) = (&self.parameters.effects, &self.derived);
+        let even = self.state.learned[1].plus_product(effects.viscous_difference, velocity.abs());
+        let holding = even + effects.waving(position, derived.waves);
+        if derived.placed {
+            let spring = effects.spring(position, self.parameters.count);
+            (holding + spring, effects.friction.at(position))
         } else {
-            T::ZERO
-        };
-        (even + holding, wave)
+            (holding, T::ZERO)
+        }
     }
 
     /// The torque that compensates friction.
+    #[inline(always)]
     fn friction(&mut self, wanted: &Wanted<T>, wave: T) -> T {
         let (p, state) = (&self.parameters, &mut self.state);
         let law = Law {
             friction: &p.friction,
             coulomb: state.learned[0] + wave,
-            per_stribeck: self.derived.per_stribeck,
+            excess: &self.derived.excess,
         };
         let at = Velocities {
             desired: wanted.velocity,
@@ -304,20 +311,17 @@ impl<T: Scalar> Controller<T> {
     }
 
     /// Keeps what acts until the next sample; whether all of it is finite.
+    #[inline(always)]
     fn remember(&mut self, torque: T, holding: T, wave: T) -> bool {
         let (p, state) = (&self.parameters, &mut self.state);
         let velocity = state.observer.velocity;
-        let law = Law {
-            friction: &p.friction,
-            coulomb: T::ZERO,
-            per_stribeck: self.derived.per_stribeck,
-        };
-        state.drive = torque - holding - p.friction.viscous * velocity;
-        state.excess = wave + law.excess(velocity);
+        state.drive = (torque - holding).plus_product(p.friction.viscous, -velocity);
+        state.excess = wave + self.derived.excess.at(velocity);
         (state.drive + state.integral + state.bristles).is_finite()
     }
 
     /// The position loop, after the axis has moved by `moved` counts.
+    #[inline(always)]
     fn wanted(&mut self, set_point: SetPoint<T>, moved: T) -> Wanted<T> {
         let p = &self.parameters;
         match set_point {
@@ -328,7 +332,7 @@ impl<T: Scalar> Controller<T> {
             } => {
                 let backlash = &p.effects.backlash;
                 let (mut ahead, mut extra) = (T::ZERO, T::ZERO);
-                if backlash.gap != T::ZERO {
+                if self.derived.loose {
                     let play = &mut self.state.play;
                     let step = backlash.follow(play, moved, velocity, self.derived.flank_step);
                     (ahead, extra) = (play.ahead, step * self.derived.per_count);
@@ -338,9 +342,9 @@ impl<T: Scalar> Controller<T> {
                 Wanted {
                     error,
                     velocity,
-                    command: velocity + extra + p.position_gain * error,
+                    command: (velocity + extra).plus_product(p.position_gain, error),
                     acceleration,
-                    rest: velocity == T::ZERO && counts.abs() <= T::ONE,
+                    left: counts,
                 }
             }
             SetPoint::Velocity {
@@ -351,14 +355,14 @@ impl<T: Scalar> Controller<T> {
                 velocity,
                 command: velocity,
                 acceleration,
-                rest: false,
+                left: T::ONE + T::ONE,
             },
             SetPoint::Off | SetPoint::Command(_) | SetPoint::Torque(_) => Wanted {
                 error: T::ZERO,
                 velocity: T::ZERO,
                 command: T::ZERO,
                 acceleration: T::ZERO,
-                rest: true,
+                left: T::ZERO,
             },
         }
     }
@@ -367,6 +371,7 @@ impl<T: Scalar> Controller<T> {
     ///
     /// The integral takes the velocity that the encoder shows, and not the observer's: where the model of friction is
     /// wrong the latter is off by a constant, and so would be the position that the integral comes to rest at.
+    #[inline(always)]
     fn feed_back(&mut self, wanted: &Wanted<T>, ahead: T, moved: T) -> T {
         let Derived {
             velocity,
@@ -375,15 +380,16 @@ impl<T: Scalar> Controller<T> {
             ..
         } = &self.derived;
         let error = wanted.command - self.state.observer.velocity;
-        let torque = ahead + velocity.output(self.state.integral, error, T::ZERO);
-        if !wanted.rest {
-            let beyond = torque - torque.clamp_symmetric(*most);
+        let torque = (ahead + self.state.integral).plus_product(velocity.proportional, error);
+        // At a standstill within a count of the set point it rests.
+        if wanted.velocity != T::ZERO || wanted.left.abs() > T::ONE {
+            let beyond = torque.beyond(*most);
             let excess = if beyond == T::ZERO {
                 self.state.pressed
             } else {
                 beyond
             };
-            let slow = wanted.command - moved * *per_count;
+            let slow = wanted.command.plus_product(-moved, *per_count);
             let period = self.parameters.period;
             let integral = &mut self.state.integral;
             *integral = velocity.integrated(*integral, slow, period, excess, *most);
@@ -392,6 +398,7 @@ impl<T: Scalar> Controller<T> {
     }
 
     /// Command, torque and whether a limit cut them, for a command asked for.
+    #[inline]
     fn given(&self, wanted: T, velocity: T) -> (T, T, bool) {
         let p = &self.parameters;
         let command = wanted.clamp_symmetric(self.derived.ceiling);
@@ -400,18 +407,17 @@ impl<T: Scalar> Controller<T> {
     }
 
     /// Command, torque and whether a limit cut them, for a torque asked for.
+    #[inline(always)]
     fn limited(&self, torque: T, velocity: T) -> (T, T, bool) {
         let p = &self.parameters;
         let counter = p.back_emf * velocity;
         let allowed = torque.clamp_symmetric(p.torque_limit);
-        let wanted = allowed * self.derived.per_torque + counter;
+        let wanted = counter.plus_product(allowed, self.derived.per_torque);
         let command = wanted.clamp_symmetric(self.derived.ceiling);
-        let saturated = allowed != torque || command != wanted;
-        let made = if command == wanted {
-            allowed
+        if command == wanted {
+            (command, allowed, allowed != torque)
         } else {
-            p.gain * (command - counter)
-        };
-        (command, made, saturated)
+            (command, p.gain * (command - counter), true)
+        }
     }
 }

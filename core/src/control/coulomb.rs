@@ -80,27 +80,36 @@ impl<T: Scalar> Adaptation<T> {
             && share(self.offset)
     }
 
-    /// The level after a sample over which the velocity went from `before` to `after` while everything known but dry
-    /// friction would have changed it by `push`, by the nonlinear observer at `rates`; velocities in rad/s or m/s.
+    /// The level after a sample, by the nonlinear observer at `rates`.
     #[must_use]
-    pub(super) fn observed(&self, rates: &Rates<T>, level: T, before: T, after: T, push: T) -> T {
-        let sign = before.sign();
-        if sign == T::ZERO || sign != after.sign() {
+    #[inline(always)]
+    pub(super) fn observed(&self, rates: &Rates<T>, level: T, slid: Slid<T>) -> T {
+        let Slid {
+            before,
+            after,
+            drive,
+            excess,
+        } = slid;
+        let along = if before > T::ZERO && after > T::ZERO {
+            drive
+        } else if before < T::ZERO && after < T::ZERO {
+            -drive
+        } else {
             return level;
-        }
-        // The mean slope of G between both, which is quadratic and then straight.
-        let weight = |v: T| {
-            let w = v.abs();
-            if w < self.speed {
-                w * rates.per_speed
-            } else {
-                T::ONE
-            }
         };
+        // The mean slope of G between both, which is quadratic and then straight.
+        let weight = |speed: T| {
+            let share = speed * rates.per_speed;
+            if share < T::ONE { share } else { T::ONE }
+        };
+        let (before, after) = (before.abs(), after.abs());
         let slope = (weight(before) + weight(after)).half();
-        // What friction has taken of the speed, against what the level says it takes.
-        let taken = (push - (after - before)) * sign * rates.per_kick;
-        self.projected(level + rates.share * slope * (taken - level), level)
+        // What friction has taken but for the excess, against what the level says it takes.
+        let taken = (along - excess).plus_product(rates.per_kick, before - after);
+        self.projected(
+            level.plus_product(rates.share * slope, taken - level),
+            level,
+        )
     }
 
     /// A level and an offset within bounds.
@@ -111,17 +120,31 @@ impl<T: Scalar> Adaptation<T> {
     }
 
     /// A level within bounds; a number that is none leaves the old one.
+    #[inline]
     fn projected(&self, next: T, level: T) -> T {
-        if !next.is_finite() {
+        if next >= self.lowest && next <= self.highest {
+            next
+        } else if !next.is_finite() {
             level
         } else if next < self.lowest {
             self.lowest
-        } else if next > self.highest {
-            self.highest
         } else {
-            next
+            self.highest
         }
     }
+}
+
+/// What has acted on an axis over a sample, and what became of its velocity.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Slid<T> {
+    /// Velocity at the start, rad/s or m/s.
+    pub before: T,
+    /// And at the end.
+    pub after: T,
+    /// Everything known but dry friction, N·m or N.
+    pub drive: T,
+    /// What dry friction has beyond the Coulomb level, N·m or N.
+    pub excess: T,
 }
 
 /// What the nonlinear observer multiplies with, computed once.
@@ -147,7 +170,7 @@ impl<T: Scalar> Rates<T> {
 
 #[cfg(test)]
 mod tests {
-    use super::{Adaptation, Learning, Rates};
+    use super::{Adaptation, Learning, Rates, Slid};
     use crate::scalar::{Q16, Scalar};
 
     const PERIOD: f64 = 1e-3;
@@ -174,6 +197,16 @@ mod tests {
         }
     }
 
+    /// A sample under a torque; nothing but the Coulomb level is friction.
+    fn slid<T: Scalar>(before: f64, after: f64, drive: f64) -> Slid<T> {
+        Slid {
+            before: T::from_f64(before),
+            after: T::from_f64(after),
+            drive: T::from_f64(drive),
+            excess: T::ZERO,
+        }
+    }
+
     /// The level after `n` samples of an axis with the true level 0.5 that drives to and fro by exact sampled motion.
     fn learned<T: Scalar>(rate: f64, start: f64, n: u32) -> f64 {
         let (adaptation, rates) = (adaptation::<T>(rate), rates(rate));
@@ -184,8 +217,7 @@ mod tests {
             let free = v + push;
             let brake = PERIOD / INERTIA;
             let after = free - free.clamp(-0.5 * brake, 0.5 * brake);
-            let number = T::from_f64;
-            level = adaptation.observed(&rates, level, number(v), number(after), number(push));
+            level = adaptation.observed(&rates, level, slid(v, after, torque));
             v = after;
         }
         level.to_f64()
@@ -210,7 +242,7 @@ mod tests {
         // until it runs into the bounds.
         let at = |product: f64| {
             let rates = rates(product / PERIOD);
-            let learn = |level, _| adaptation(1.0).observed(&rates, level, 1.0, 1.0, 0.005);
+            let learn = |level, _| adaptation(1.0).observed(&rates, level, slid(1.0, 1.0, 0.5));
             (0..300).fold(0.51, learn)
         };
         assert!((at(1.0) - 0.5).abs() < 1e-12 && (at(1.9) - 0.5).abs() < 1e-12);
@@ -225,9 +257,9 @@ mod tests {
         let mut level = 0.4_f32;
         for k in 0..100_000 {
             // Pushed at rest, and thrown from one direction into the other.
-            level = adaptation.observed(&rates, level, 0.0, 0.0, 5.0);
+            level = adaptation.observed(&rates, level, slid(0.0, 0.0, 500.0));
             let v = if k % 2 == 0 { 0.5 } else { -0.5 };
-            level = adaptation.observed(&rates, level, v, -v, 5.0);
+            level = adaptation.observed(&rates, level, slid(v, -v, 500.0));
         }
         assert_eq!(level, 0.4);
     }
@@ -237,15 +269,15 @@ mod tests {
         let (adaptation, rates) = (adaptation::<f64>(10.0), rates(10.0));
         let mut level = 0.4;
         for _ in 0..100_000 {
-            level = adaptation.observed(&rates, level, 1.0, 1.0, 1.0);
+            level = adaptation.observed(&rates, level, slid(1.0, 1.0, 100.0));
             assert!(level <= 2.0);
         }
         assert_eq!(level, 2.0);
         // Not wound up: one sample that says less, and it is less.
-        level = adaptation.observed(&rates, level, 1.0, 1.0, 0.0);
+        level = adaptation.observed(&rates, level, slid(1.0, 1.0, 0.0));
         assert!(level < 1.99);
         for bad in [f64::NAN, f64::INFINITY] {
-            assert_eq!(adaptation.observed(&rates, 0.4, 1.0, 1.0, bad), 0.4);
+            assert_eq!(adaptation.observed(&rates, 0.4, slid(1.0, 1.0, bad)), 0.4);
             assert_eq!(adaptation.bounded([bad, bad], [0.4, 0.1])[0], 0.4);
         }
         assert_eq!(adaptation.bounded([9.0, -9.0], [0.4, 0.1]), [2.0, -2.0]);

@@ -76,7 +76,7 @@ impl<T: Scalar> CurrentLoop<T> {
         let wanted = push + *sum + counter;
         let voltage = wanted.clamp_symmetric(most);
         let excess = wanted - voltage;
-        *sum += self.reset * (push - excess);
+        *sum = sum.plus_product(self.reset, push - excess);
         (voltage, excess)
     }
 }

@@ -1,6 +1,7 @@
 //! What follows from parameters.
 
 use super::coulomb::Rates;
+use super::friction::Excess;
 use super::rows::Rows;
 use super::{ObserverGains, Parameters, Pid};
 use crate::Scalar;
@@ -18,22 +19,21 @@ pub(super) struct Derived<T> {
     pub per_count: T,
     /// `u` per torque.
     pub per_torque: T,
-    /// One over the Stribeck velocity.
-    pub per_stribeck: T,
+    pub excess: Excess<T>,
     /// One over the speed of crossing.
     pub per_crossing: T,
     /// Largest `|u|`.
     pub ceiling: T,
     /// Largest torque at standstill.
     pub most: T,
+    /// Whether there is play.
+    pub loose: bool,
     /// Counts that the set point may change flanks by in a sample.
     pub flank_step: T,
-    /// Whether any torque depends on position.
-    pub placed: bool,
     /// How many waves over position there are.
     pub waves: usize,
-    /// Whether dry friction depends on position.
-    pub uneven: bool,
+    /// Whether anything else depends on position: a spring, or dry friction.
+    pub placed: bool,
 }
 
 impl<T: Scalar> Derived<T> {
@@ -45,7 +45,6 @@ impl<T: Scalar> Derived<T> {
         };
         let most = (p.gain * ceiling).abs();
         let backlash = &p.effects.backlash;
-        let (waves, uneven) = (p.effects.waves(), p.effects.friction.is_any());
         Self {
             observer: ObserverGains::new(p.observer_bandwidth, p.period, p.count),
             velocity: Pid {
@@ -58,7 +57,7 @@ impl<T: Scalar> Derived<T> {
             kick: p.period / p.inertia,
             per_count: p.count / p.period,
             per_torque: T::ONE / p.gain,
-            per_stribeck: T::ONE / p.friction.stribeck_velocity,
+            excess: Excess::new(&p.friction),
             per_crossing: T::ONE / p.compensation.crossing,
             ceiling,
             most: if most < p.torque_limit {
@@ -66,10 +65,10 @@ impl<T: Scalar> Derived<T> {
             } else {
                 p.torque_limit
             },
+            loose: backlash.gap != T::ZERO,
             flank_step: backlash.speed * p.period / p.count,
-            placed: waves > 0 || uneven || p.effects.stiffness != T::ZERO,
-            waves,
-            uneven,
+            waves: p.effects.waves(),
+            placed: p.effects.friction.is_any() || p.effects.stiffness != T::ZERO,
         }
     }
 }

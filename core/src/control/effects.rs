@@ -31,12 +31,13 @@ impl<T: Scalar> Harmonic<T> {
     }
 
     /// The value at a position.
+    // Not in the loop over the waves, which would keep its constants in registers that the rest of a sample needs.
+    #[inline(never)]
     pub fn at(&self, position: Position<T>) -> T {
-        // The part of a count counts by 256ths.
-        let part = (position.fraction * T::from_i32(256)).floor() as u32;
         let whole = (position.counts as u32).wrapping_mul(self.cycle);
-        let (sine, cosine) = T::wave(whole.wrapping_add(part.wrapping_mul(self.cycle >> 8)));
-        self.sine * sine + self.cosine * cosine
+        let part = position.fraction.share_of(self.cycle);
+        let (sine, cosine) = T::wave(whole.wrapping_add(part));
+        (self.cosine * cosine).plus_product(self.sine, sine)
     }
 }
 
@@ -90,15 +91,20 @@ impl<T: Scalar> Effects<T> {
         last.map_or(0, |last| last + 1)
     }
 
-    /// What the first `count` waves and a spring resist at a position, whatever the motion, N·m or N; `unit` is rad or m to a
-    /// count of the encoder.
-    pub fn holding(&self, position: Position<T>, count: usize, unit: T) -> T {
-        let waves = self.waves.iter().take(count).map(|wave| wave.at(position));
-        let mut sum = waves.fold(T::ZERO, |sum, wave| sum + wave);
-        if self.stiffness != T::ZERO {
-            sum += self.stiffness * (position.minus(Position::at(0)) * unit);
+    /// What the first `count` waves resist at a position, whatever the motion, N·m or N.
+    #[inline]
+    pub fn waving(&self, position: Position<T>, count: usize) -> T {
+        let mut sum = T::ZERO;
+        for wave in self.waves.iter().take(count) {
+            sum += wave.at(position);
         }
         sum
+    }
+
+    /// What the spring resists, likewise; `unit` is rad or m to a count of the encoder.
+    #[inline]
+    pub fn spring(&self, position: Position<T>, unit: T) -> T {
+        self.stiffness * (position.minus(Position::at(0)) * unit)
     }
 }
 
@@ -124,11 +130,9 @@ mod tests {
         let effects = cogging::<T>();
         let errors = (-3000..3000).map(|k| {
             let counts = f64::from(k) * 3.37;
-            let found = effects.holding(
-                Position::from_f64(counts),
-                effects.waves(),
-                T::from_f64(0.01),
-            );
+            let position = Position::from_f64(counts);
+            let spring = effects.spring(position, T::from_f64(0.01));
+            let found = effects.waving(position, effects.waves()) + spring;
             let phase = counts * 24.0 / 4096.0 * core::f64::consts::TAU;
             let wave = 0.3 * libm::sin(phase) - 0.4 * libm::cos(phase);
             (found.to_f64() - (0.125 * 0.01 * counts + wave)).abs()
@@ -138,11 +142,16 @@ mod tests {
 
     #[test]
     fn waves_and_springs_are_what_their_equations_say() {
-        // Cutting the part of a count to 256ths costs 0.5·24/4096·2π/256; the spring has 10 000 counts of rounding.
-        let cut = 0.5 * 24.0 / 4096.0 * core::f64::consts::TAU / 256.0;
-        assert!(worst::<f64>() < cut + 1e-9);
-        assert!(worst::<f32>() < cut + 1e-5);
-        assert!(worst::<Q16>() < cut + 0.125 * 10_200.0 * 2f64.powi(-17) + 1e-3);
+        // Cutting the phase to its last bit costs 0.5·2π/2³², and rounding the part of a count to 2⁻ⁿ costs
+        // 0.5·24/4096·2π/2ⁿ; the spring has 10 000 counts of rounding.
+        let cut = 0.5 * core::f64::consts::TAU * 2f64.powi(-32);
+        let part = |bits: i32| 0.5 * 24.0 / 4096.0 * core::f64::consts::TAU * 2f64.powi(-bits);
+        assert!(worst::<f64>() < cut + 1e-12);
+        assert!(worst::<f32>() < cut + part(23) + 1e-5);
+        // Two amplitudes, two waves of them, and the three operations that add them and the spring, to nearest.
+        let rest = (2.0 + 0.7 * 1.1 + 3.0) * 2f64.powi(-17);
+        let spring = 0.125 * 10_200.0 * 2f64.powi(-17);
+        assert!(worst::<Q16>() < cut + part(16) + spring + rest);
     }
 
     #[test]

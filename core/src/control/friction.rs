@@ -40,30 +40,50 @@ impl<T: Scalar> Friction<T> {
     }
 }
 
+/// What the level has beyond the Coulomb level, prepared for the control path.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Excess<T> {
+    /// At rest.
+    most: T,
+    /// One over the Stribeck velocity.
+    per_stribeck: T,
+    /// None where there is no excess.
+    curve: Option<Curve>,
+}
+
+impl<T: Scalar> Excess<T> {
+    pub fn new(friction: &Friction<T>) -> Self {
+        let most = friction.static_level - friction.coulomb;
+        Self {
+            most,
+            per_stribeck: T::ONE / friction.stribeck_velocity,
+            curve: (most != T::ZERO).then_some(friction.curve),
+        }
+    }
+
+    /// At a velocity.
+    #[inline(always)]
+    pub fn at(&self, velocity: T) -> T {
+        self.curve.map_or(T::ZERO, |curve| {
+            self.most * curve.decay(velocity * self.per_stribeck)
+        })
+    }
+}
+
 /// A law at the Coulomb level of the moment.
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Law<'a, T> {
     pub friction: &'a Friction<T>,
     /// Its Coulomb level now.
     pub coulomb: T,
-    /// One over its Stribeck velocity.
-    pub per_stribeck: T,
-}
-
-impl<T: Scalar> Law<'_, T> {
-    /// What the level has at this velocity beyond the Coulomb level.
-    pub fn excess(&self, velocity: T) -> T {
-        let most = self.friction.static_level - self.friction.coulomb;
-        if most == T::ZERO {
-            return T::ZERO;
-        }
-        most * self.friction.curve.decay(velocity * self.per_stribeck)
-    }
+    pub excess: &'a Excess<T>,
 }
 
 impl<T: Scalar> Dynamic<T> for Law<'_, T> {
+    #[inline(always)]
     fn level(&self, velocity: T) -> T {
         // Bristles without a level would bend for ever.
-        let level = self.coulomb + self.excess(velocity);
+        let level = self.coulomb + self.excess.at(velocity);
         if level > T::EPSILON {
             level
         } else {

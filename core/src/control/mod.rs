@@ -20,9 +20,9 @@
 //!
 //! | friction | Coulomb level | `f32` | fixed point |
 //! | --- | --- | --- | --- |
-//! | static | by the observer | 461 | 1033 |
-//! | static | by rows | 489 | 1035 |
-//! | bristles | by the observer | 510 | 1279 |
+//! | static | by the observer | 404 | 776 |
+//! | static | by rows | 449 | 797 |
+//! | bristles | by the observer | 453 | 1026 |
 //!
 //! ```
 //! use bristle_core::control::{

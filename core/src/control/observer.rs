@@ -68,31 +68,33 @@ impl<T: Scalar> Observer<T> {
     /// no surprise; outside, it is the distance to the count. An axis that rests on the border of two counts sees no
     /// step there, and a steady motion no ripple. Returns by how many counts the estimated position has moved: over a
     /// while, this is free of any error that the forces make in the velocity.
+    #[inline(always)]
     pub fn sample(&mut self, gains: &ObserverGains<T>, counts: i32, push: T, brake: T) -> T {
-        let free = self.velocity + push;
-        let velocity = shrunk(free, brake);
+        let velocity = (self.velocity + push).beyond(brake);
         // The mean of both ends covers the way of a steady acceleration exactly.
         let way = (self.velocity + velocity).half() * gains.counts;
-        let stands = self.stands(counts, way);
-        let (way, velocity) = if stands {
-            (T::ZERO, T::ZERO)
-        } else {
-            (way, velocity)
-        };
-        // From the middle of what the encoder shows back to the prediction, which is never far.
-        let off = Position::at(counts).minus(self.position) + (T::ONE.half() - way);
-        let surprise = off - off.clamp_symmetric(T::ONE.half());
-        let moved = way + gains.position * surprise;
-        self.position = self.position.moved(moved);
-        if stands {
+        if self.stands(counts, way) {
             self.velocity = T::ZERO;
-        } else {
-            self.velocity = velocity + gains.velocity * surprise;
+            return self.correct(gains, counts, T::ZERO).0;
         }
+        let (moved, surprise) = self.correct(gains, counts, way);
+        self.velocity = velocity.plus_product(gains.velocity, surprise);
         moved
     }
 
+    /// Moves the position by what is believed, and by what the encoder says to that; how far, and the surprise.
+    #[inline(always)]
+    fn correct(&mut self, gains: &ObserverGains<T>, counts: i32, way: T) -> (T, T) {
+        // From the middle of what the encoder shows back to the prediction, which is never far.
+        let middle = T::ONE.half();
+        let surprise = (self.position.short_of(counts) + (middle - way)).beyond(middle);
+        let moved = way.plus_product(gains.position, surprise);
+        self.position = self.position.moved(moved);
+        (moved, surprise)
+    }
+
     /// Whether the encoder denies a motion that has been claimed for long enough.
+    #[inline]
     fn stands(&mut self, counts: i32, way: T) -> bool {
         if counts != self.counts {
             self.counts = counts;
@@ -100,17 +102,14 @@ impl<T: Scalar> Observer<T> {
             return false;
         }
         self.claimed += way;
-        let most = T::from_i32(2);
+        let most = T::ONE + T::ONE;
         let denied = self.claimed.abs() > most;
-        // What stands has claimed enough; more would only have to be taken back.
-        self.claimed = self.claimed.clamp_symmetric(most + T::ONE);
+        if denied {
+            // What stands has claimed enough; more would only have to be taken back.
+            self.claimed = self.claimed.clamp_symmetric(most + T::ONE);
+        }
         denied
     }
-}
-
-/// A number brought nearer to zero by `by`, at most to zero.
-fn shrunk<T: Scalar>(x: T, by: T) -> T {
-    x - x.clamp_symmetric(by)
 }
 
 #[cfg(test)]

@@ -30,16 +30,23 @@ impl<T: Scalar> Pid<T> {
     }
 
     /// The output, without a limit, at the integral part `sum`.
+    #[inline]
     pub fn output(&self, sum: T, error: T, rate: T) -> T {
-        self.proportional * error + sum + self.derivative * rate
+        (self.proportional * error + sum).plus_product(self.derivative, rate)
     }
 
     /// The integral part after `period` seconds of `error`, where `excess` is what the limits took off the output and
     /// `bound` the largest integral part that makes sense.
     #[must_use]
+    #[inline]
     pub fn integrated(&self, sum: T, error: T, period: T, excess: T, bound: T) -> T {
         let step = self.integral * error * period;
-        if step * excess > T::ZERO {
+        let further = if excess > T::ZERO {
+            step > T::ZERO
+        } else {
+            excess < T::ZERO && step < T::ZERO
+        };
+        if further {
             return sum.clamp_symmetric(bound);
         }
         (sum + step).clamp_symmetric(bound)

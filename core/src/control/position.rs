@@ -43,19 +43,27 @@ impl<T: Scalar> Position<T> {
 
     /// The position `by` counts further.
     #[must_use]
+    #[inline]
     pub fn moved(self, by: T) -> Self {
-        let sum = self.fraction + by;
-        let carry = sum.floor();
+        let (carry, fraction) = (self.fraction + by).split();
         Self {
             counts: self.counts.wrapping_add(carry),
-            fraction: sum - T::from_i32(carry),
+            fraction,
         }
     }
 
     /// Counts from `other` to here.
     #[must_use]
+    #[inline]
     pub fn minus(self, other: Self) -> T {
         T::from_i32(self.counts.wrapping_sub(other.counts)) + (self.fraction - other.fraction)
+    }
+
+    /// Counts from here to a whole number of counts.
+    #[must_use]
+    #[inline]
+    pub fn short_of(self, counts: i32) -> T {
+        T::from_i32(counts.wrapping_sub(self.counts)) - self.fraction
     }
 }
 

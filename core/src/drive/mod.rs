@@ -216,8 +216,8 @@ impl<'a, T: Number> Drive<'a, T> {
         let current = i32::from(sample.current) - i32::from(limits.current_zero);
         Reading {
             moved: self.encoder.follow(sample.count),
-            current: T::from_i32(current) * limits.current_per_count,
-            bus: T::from_i32(sample.bus.into()) * limits.bus_per_count,
+            current: limits.current_per_count.times(current),
+            bus: limits.bus_per_count.times(sample.bus.into()),
             gate_fault: sample.gate_fault,
         }
     }
@@ -238,7 +238,9 @@ impl<'a, T: Number> Drive<'a, T> {
         };
         let total = self.encoder.total();
         let output = self.controller.step_probed(total, set_point, probe);
-        if !(output.finite && output.velocity.is_sound() && output.torque.is_sound()) {
+        // What is not finite in floating point, the control law has found.
+        let sound = !T::FIXED || output.velocity.is_sound() && output.torque.is_sound();
+        if !(output.finite && sound) {
             self.raise(Fault::Unsound);
             self.controller.reset(self.encoder.total());
         }

@@ -17,12 +17,19 @@ pub enum Curve {
 
 impl Curve {
     /// The decay at velocity ratio `x = v/vs`: 1 at rest, 0 at high speed.
+    #[inline(always)]
     pub fn decay<S: Scalar>(self, x: S) -> S {
         match self {
-            Self::Exponential => S::ONE - (x * x).relax().0,
-            Self::Rational => S::ONE / (S::ONE + x * x),
+            Self::Exponential => gaussian(x),
+            Self::Rational => S::ONE.plus_product(x, x).reciprocal(),
         }
     }
+}
+
+/// `e^(−x²)`. Apart, as a rational curve is not to pay for its registers.
+#[inline(never)]
+fn gaussian<S: Scalar>(x: S) -> S {
+    S::ONE - (x * x).relax().0
 }
 
 /// `F(v) = [Fc + (Fs − Fc)·d(v/vs)]·sgn v + Fv·v` with the decay `d` of [`Curve`].

@@ -37,6 +37,21 @@ impl Scalar for f64 {
         cut.saturating_sub(i32::from(Self::from_i32(cut) > self))
     }
     #[inline]
+    fn split(self) -> (i32, Self) {
+        let cut = self as i32;
+        // Exact, so that the one rounding is that of the sum below.
+        let rest = self - Self::from_i32(cut);
+        if rest < 0.0 {
+            (cut.saturating_sub(1), rest + 1.0)
+        } else {
+            (cut, rest)
+        }
+    }
+    #[inline]
+    fn share_of(self, whole: u32) -> u32 {
+        (self * Self::from(whole)) as u32
+    }
+    #[inline]
     fn abs(self) -> Self {
         f64::abs(self)
     }
@@ -85,6 +100,21 @@ impl Scalar for f32 {
         // The cast cuts off towards zero, saturates and makes zero of NaN.
         let cut = self as i32;
         cut.saturating_sub(i32::from(Self::from_i32(cut) > self))
+    }
+    #[inline]
+    fn split(self) -> (i32, Self) {
+        let cut = self as i32;
+        // Exact, so that the one rounding is that of the sum below.
+        let rest = self - Self::from_i32(cut);
+        if rest < 0.0 {
+            (cut.saturating_sub(1), rest + 1.0)
+        } else {
+            (cut, rest)
+        }
+    }
+    #[inline]
+    fn share_of(self, whole: u32) -> u32 {
+        (self * whole as Self) as u32
     }
     #[inline]
     fn abs(self) -> Self {

@@ -42,9 +42,19 @@ pub trait Scalar:
     fn from_i32(value: i32) -> Self;
     /// The largest integer that is not above the value; what is out of range saturates, and NaN becomes zero.
     fn floor(self) -> i32;
+    /// The value as [`Scalar::floor`] and what is left of it, from 0 to 1.
+    #[must_use]
+    #[inline]
+    fn split(self) -> (i32, Self) {
+        let whole = self.floor();
+        (whole, self - Self::from_i32(whole))
+    }
     /// Half of the value, rounded down in fixed point.
     #[must_use]
     fn half(self) -> Self;
+    /// The share of a whole that a value from 0 to 1 says, cut to an integer.
+    #[must_use]
+    fn share_of(self, whole: u32) -> u32;
     /// Sine and cosine of `phase`·2π/2³²: a whole turn is the range of the number, so that a phase may wrap.
     #[must_use]
     fn wave(phase: u32) -> (Self, Self);
@@ -65,6 +75,28 @@ pub trait Scalar:
     /// mean of what is left to go meanwhile. Both keep their precision at `x → 0`, where they are `(x, 1)`.
     #[must_use]
     fn relax(self) -> (Self, Self);
+
+    /// `self + a·b`. Fixed point rounds the sum alone. Floating point rounds the product as well: a host may not have what
+    /// a target fuses.
+    #[must_use]
+    #[inline]
+    fn plus_product(self, a: Self, b: Self) -> Self {
+        self + a * b
+    }
+
+    /// The product with a whole number, which need not be in range itself.
+    #[must_use]
+    #[inline]
+    fn times(self, count: i32) -> Self {
+        self * Self::from_i32(count)
+    }
+
+    /// One over the value.
+    #[must_use]
+    #[inline]
+    fn reciprocal(self) -> Self {
+        Self::ONE / self
+    }
 
     /// `√(a² + b²)` without overflow of the squares.
     #[must_use]
@@ -96,7 +128,7 @@ pub trait Scalar:
         }
     }
 
-    /// The value limited to `[-bound, bound]`.
+    /// The value limited to `[-bound, bound]`, for a bound that is not negative.
     #[must_use]
     #[inline]
     fn clamp_symmetric(self, bound: Self) -> Self {
@@ -105,6 +137,19 @@ pub trait Scalar:
             if self > Self::ZERO { bound } else { -bound }
         } else {
             self
+        }
+    }
+
+    /// How far the value lies outside of `[-bound, bound]`, with its sign: what [`Scalar::clamp_symmetric`] takes off.
+    #[must_use]
+    #[inline]
+    fn beyond(self, bound: Self) -> Self {
+        if self.abs() <= bound {
+            Self::ZERO
+        } else if self > Self::ZERO {
+            self - bound
+        } else {
+            self + bound
         }
     }
 }
@@ -189,6 +234,31 @@ mod tests {
         assert_eq!(Scalar::floor(-1e20_f32), i32::MIN);
         assert_eq!(super::Q16::from_i32(i32::MIN), super::Q16::MIN);
         assert!(!Scalar::is_finite(f32::NAN) && !Scalar::is_finite(f64::NEG_INFINITY));
+    }
+
+    /// Parts of one type on both sides of zero, against `floor` and whole numbers.
+    fn parts<S: Scalar>(resolution: f64) {
+        for k in -2000..2000 {
+            let x = S::from_f64(f64::from(k) * 0.0137);
+            let (whole, part) = x.split();
+            let rest = x.to_f64() - f64::from(whole);
+            assert_eq!(whole, x.floor());
+            assert!((part.to_f64() - rest).abs() <= resolution && part <= S::ONE);
+            let share = f64::from(part.share_of(3 << 20));
+            assert!((share - part.to_f64() * f64::from(3 << 20)).abs() < 1.5);
+            let (bound, x) = (S::from_f64(10.0), x.to_f64());
+            let beyond = S::from_f64(x).beyond(bound).to_f64();
+            assert!((beyond - (x - x.clamp(-10.0, 10.0))).abs() <= resolution);
+        }
+        assert_eq!(S::ONE.share_of(1 << 31), 1 << 31);
+    }
+
+    #[test]
+    fn numbers_are_split_into_whole_and_part() {
+        parts::<f64>(f64::EPSILON);
+        parts::<f32>(2f64.powi(-24));
+        parts::<super::Q16>(0.0);
+        assert!(f32::NAN.split().1.is_nan() && f64::NAN.beyond(1.0).is_nan());
     }
 
     #[test]

@@ -205,6 +205,8 @@ pub fn drive(
         current: number(1e3, 1.0),
     };
     drive.enable_within(&bounds).ok()?;
+    // By its address, as the firmware has it.
+    let drive = black_box(&mut drive);
     let mut axis = Axis::START;
     let mut current = 0.0;
     for (k, slot) in counts.iter_mut().enumerate() {
@@ -221,7 +223,7 @@ pub fn drive(
         };
         // Or the compiler would make of them inside the brackets what it could make before.
         let (sample, news) = black_box((sample, news));
-        let (count, input) = step(&mut drive, &sample, &news);
+        let (count, input) = step(drive, &sample, &news);
         *slot = u16::try_from(count).unwrap_or(u16::MAX);
         current = input.to_f64();
         axis.advance(input);

@@ -2,6 +2,7 @@
 
 mod confirm;
 mod findings;
+mod leftover;
 mod locate;
 mod outcome;
 mod select;
@@ -23,7 +24,8 @@ use crate::recording::Recording;
 use crate::system;
 use confirm::confirmed;
 use findings::findings;
-use select::{Leftover, Scope};
+use leftover::Leftover;
+use select::Scope;
 use sharpen::sharpened;
 
 /// A model whose free run errs by more than this share of the motion on both parts is not adequate, whatever the weak
@@ -54,7 +56,7 @@ pub fn diagnose(
     let ((selected, after), fine) = sharpened(bench, before, found, recordings, progress)?;
     progress("looking for what is left");
     let base_error = error(bench, before)?;
-    let mut leftover = select::leftover(bench, &after)?;
+    let mut leftover = leftover::of(bench, &after)?;
     let remaining = error(bench, &after)?;
     let reached = (base_error - remaining)
         / (base_error - remaining * (1.0 - leftover.gain)).max(f64::MIN_POSITIVE);
@@ -63,13 +65,13 @@ pub fn diagnose(
     let significant = certain && (selected.is_empty() || !little);
     let (selected, mut after) = if significant && reached < SHARE_OF_GENERIC && !selected.is_empty()
     {
-        leftover = select::leftover(bench, before)?;
+        leftover = leftover::of(bench, before)?;
         (Vec::new(), before.clone())
     } else {
         (selected, after)
     };
     let departure = confirm::departure(bench, &after);
-    let departs = selected.is_empty() && departure > DEPARTS && select::counts(bench, &after);
+    let departs = selected.is_empty() && departure > DEPARTS && leftover::counts(bench, &after);
     progress("how certain it is");
     // What windows of the usual width do not show is told by those that do.
     let fine = fine.filter(|_| !selected.is_empty());

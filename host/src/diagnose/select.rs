@@ -3,16 +3,14 @@
 use rayon::prelude::*;
 
 use super::confirm;
-use super::trial::{Base, Generic, Trial};
-use crate::effects::{self, Effect, Path, Seat};
+use super::trial::{Base, Trial};
+use crate::effects::{self, Effect, Seat};
 use crate::error::Result;
 use crate::fit::{self, Parts};
 use crate::identify::Workbench;
 use crate::model::Model;
-use crate::problem::Direction;
 use crate::recording::Recording;
 use crate::scan;
-use crate::system;
 
 /// Share by which the cross-validated squared error must fall: 10 % of the RMS error. Reversals and coloured noise
 /// leave artefacts that are statistically significant but stay below this on clean recordings; the rate of false
@@ -21,11 +19,6 @@ pub(super) const FLOOR: f64 = 0.19;
 /// The smallest effects that are looked for, as a share of the drive's RMS. Beside effects that were found, what is left
 /// counts from there on, or where they leave more than [`FLOOR`] of what there was to explain.
 pub(super) const SOUGHT: f64 = 0.03;
-/// Torque that no effect explains counts from this share of the drive's RMS on: a sixth of [`SOUGHT`], and about what
-/// smoothing and sampling leave behind where the noise is very low.
-const SMALLEST: f64 = SOUGHT / 6.0;
-/// The instant of a reversal is uncertain by about this share of a sampling interval.
-const TIMING: f64 = 0.1;
 /// Least t of a gain: 5 % one-sided, with the nine degrees of freedom of the ten blocks that there are at least; of many
 /// blocks it is 3 to 4 %.
 pub(super) const CERTAIN: f64 = 1.83;
@@ -42,18 +35,6 @@ pub(super) struct Selected {
     pub fast: bool,
     /// Other effects that would have passed at the same stage, best first.
     pub others: Vec<Trial>,
-}
-
-/// What generic functions of each coordinate gain on top of a model.
-pub(super) struct Leftover {
-    /// Gain of the whole dictionary.
-    pub gain: f64,
-    /// RMS torque that goes with it, over the RMS of the drive.
-    pub size: f64,
-    /// Whether something is certainly left: large enough to matter, and no chance of a few blocks.
-    pub certain: bool,
-    /// Gain of each group alone, best first.
-    pub coordinates: Vec<(&'static str, f64)>,
 }
 
 /// What has been selected so far, strongest first, and the model that has it, refined.
@@ -103,7 +84,12 @@ pub(super) fn select(
             break;
         }
         progress(&format!("trying the catalogue, round {round}"));
-        let Some(found) = best(scope, &current, &selected, recordings)? else {
+        let sought = |effect: &dyn Effect| (scope.sought)(effect) && !taken(effect, &selected);
+        let open = Scope {
+            sought: &sought,
+            ..*scope
+        };
+        let Some(found) = best(&open, &current, recordings)? else {
             break;
         };
         let (next, _) = bench.estimate(&with_trial(&current, &found.trial))?;
@@ -163,19 +149,13 @@ fn trials(
     Ok(trials)
 }
 
-/// The effect with the best evidence among those that pass, or else among those that are [`rescued`].
-fn best(
-    scope: &Scope,
-    model: &Model,
-    selected: &[Selected],
-    recordings: &[Recording],
-) -> Result<Option<Selected>> {
+/// The effect of a scope with the best evidence among those that pass, or else among those that are [`rescued`].
+fn best(scope: &Scope, model: &Model, recordings: &[Recording]) -> Result<Option<Selected>> {
     let bench = scope.bench;
-    let sought = |effect: &dyn Effect| (scope.sought)(effect) && !taken(effect, selected);
     let Some(base) = Base::new(bench, model)? else {
         return Ok(None);
     };
-    let (mut passing, rest): (Vec<Trial>, Vec<Trial>) = trials(&base, model, &sought)?
+    let (mut passing, rest): (Vec<Trial>, Vec<Trial>) = trials(&base, model, scope.sought)?
         .into_iter()
         .partition(scope.passes);
     let rest: Vec<Trial> = rest.into_iter().filter(worth_a_look).collect();
@@ -267,44 +247,21 @@ fn again(
     lacking: &Model,
     recordings: &[Recording],
 ) -> Result<Option<Selected>> {
-    let (bench, fast) = if selected.fast {
-        (scope.bench, true)
+    let stood = selected.others.iter().chain([&selected.trial]);
+    let ids: Vec<&str> = stood.map(|trial| trial.effect.id()).collect();
+    let sought = |effect: &dyn Effect| ids.contains(&effect.id());
+    let scope = if selected.fast {
+        Scope {
+            sought: &sought,
+            ..*scope
+        }
     } else {
-        (scope.usual, false)
-    };
-    let Some(base) = Base::new(bench, lacking)? else {
-        return Ok(None);
-    };
-    let id = selected.trial.effect.id();
-    let rival = |e: &dyn Effect| selected.others.iter().any(|o| o.effect.id() == e.id());
-    let sought = |e: &dyn Effect| e.id() == id || rival(e);
-    let enough = |trial: &Trial| {
-        if fast {
-            (scope.passes)(trial)
-        } else {
-            passes(trial)
+        Scope {
+            sought: &sought,
+            ..Scope::usual(scope.usual)
         }
     };
-    let (mut passing, rest): (Vec<Trial>, Vec<Trial>) = trials(&base, lacking, &sought)?
-        .into_iter()
-        .partition(enough);
-    if passing.is_empty() && !fast {
-        let itself = rest
-            .into_iter()
-            .find(|t| t.effect.id() == id && worth_a_look(t));
-        if let Some(trial) = itself {
-            let before = fit::parts(lacking, recordings, &bench.problem.tracks)?;
-            if rescued(bench, (lacking, &before), &trial, recordings)? {
-                passing.push(trial);
-            }
-        }
-    }
-    let mut passing = passing.into_iter();
-    Ok(passing.next().map(|trial| Selected {
-        trial,
-        fast,
-        others: passing.collect(),
-    }))
+    best(&scope, lacking, recordings)
 }
 
 /// The model without one of its terms.
@@ -312,74 +269,4 @@ pub(super) fn without(model: &Model, term: usize) -> Model {
     let mut model = model.clone();
     model.terms.remove(term);
     model
-}
-
-/// What is left for generic functions on top of a model.
-pub(super) fn leftover(bench: &Workbench, model: &Model) -> Result<Leftover> {
-    let Some(base) = Base::new(bench, model)? else {
-        return Ok(Leftover {
-            gain: 0.0,
-            size: 0.0,
-            certain: false,
-            coordinates: Vec::new(),
-        });
-    };
-    let mut groups: Vec<(&'static str, Vec<Vec<f64>>)> = bench
-        .dictionary
-        .all_groups(&bench.problem)
-        .into_iter()
-        .map(|g| {
-            (
-                g.coordinate,
-                g.columns.iter().map(|c| bench.noise.whiten(c)).collect(),
-            )
-        })
-        .collect();
-    groups.push(("time, periodically", base.spectral_line()));
-    let friction = bench.problem.coulomb(&Direction::default());
-    let residual = system::residual(&bench.problem, model);
-    for (name, carrier) in [
-        ("time, as friction in spells", friction.as_slice()),
-        ("time, in spells", &vec![1.0; friction.len()]),
-    ] {
-        groups.push((name, base.spells(carrier, &residual)));
-    }
-    let mut alone: Vec<(&'static str, Generic)> = groups
-        .iter()
-        .map(|(name, c)| (*name, base.generic(c)))
-        .collect();
-    alone.sort_by(|a, b| b.1.gain.total_cmp(&a.1.gain));
-    let all: Vec<Vec<f64>> = groups.into_iter().flat_map(|(_, c)| c).collect();
-    let together = base.generic(&all);
-    let each = alone.iter().map(|g| g.1).chain([together]);
-    let shares = each.clone().map(|g| g.gain);
-    let gain = shares.fold(f64::NEG_INFINITY, f64::max);
-    let size = gain.max(0.0).sqrt() * relative_residual(bench, model);
-    Ok(Leftover {
-        gain,
-        size,
-        certain: size >= smallest(bench) && each.into_iter().any(|g| g.certain),
-        coordinates: alone.into_iter().map(|(name, g)| (name, g.gain)).collect(),
-    })
-}
-
-/// Whether what a model leaves of the torque is large enough to count.
-pub(super) fn counts(bench: &Workbench, model: &Model) -> bool {
-    relative_residual(bench, model) >= smallest(bench)
-}
-
-/// The size from which on something unexplained counts: [`SMALLEST`], or what uncertain reversals leave where few samples
-/// lie under a window.
-fn smallest(bench: &Workbench) -> f64 {
-    let reaches = bench.problem.windows.iter().map(|w| w.reach as f64);
-    let coarsest = reaches.map(|reach| TIMING / reach).fold(0.0, f64::max);
-    SMALLEST.max(coarsest)
-}
-
-/// RMS of the residual torque over the RMS of the driving torque, both averaged by the test functions.
-fn relative_residual(bench: &Workbench, model: &Model) -> f64 {
-    let rms = |x: &[f64]| (x.iter().map(|x| x * x).sum::<f64>() / x.len().max(1) as f64).sqrt();
-    let scale = system::torque_scale(&bench.problem, model).abs();
-    let drive = model.gain.value.unwrap_or(1.0).abs() * rms(&bench.problem.input(&Path::default()));
-    scale * rms(&system::residual(&bench.problem, model)) / drive.max(f64::MIN_POSITIVE)
 }

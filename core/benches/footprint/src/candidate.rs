@@ -75,6 +75,9 @@ impl Scalar for Number {
     fn half(self) -> Self {
         Self(I16F16::from_bits(self.0.to_bits() >> 1))
     }
+    fn share_of(self, whole: u32) -> u32 {
+        Q16::from_bits(self.0.to_bits()).share_of(whole)
+    }
     fn wave(phase: u32) -> (Self, Self) {
         let (sine, cosine) = Q16::wave(phase);
         (number(sine.to_bits()), number(cosine.to_bits()))

@@ -1,0 +1,98 @@
+//! What a model leaves for functions that know no physics.
+
+use super::select::SOUGHT;
+use super::trial::{Base, Generic};
+use crate::effects::Path;
+use crate::error::Result;
+use crate::identify::Workbench;
+use crate::model::Model;
+use crate::problem::Direction;
+use crate::system;
+
+/// Torque that no effect explains counts from this share of the drive's RMS on: a sixth of [`SOUGHT`], and about what
+/// smoothing and sampling leave behind where the noise is very low.
+const SMALLEST: f64 = SOUGHT / 6.0;
+/// The instant of a reversal is uncertain by about this share of a sampling interval.
+const TIMING: f64 = 0.1;
+
+/// What generic functions of each coordinate gain on top of a model.
+pub(super) struct Leftover {
+    /// Gain of the whole dictionary.
+    pub gain: f64,
+    /// RMS torque that goes with it, over the RMS of the drive.
+    pub size: f64,
+    /// Whether something is certainly left: large enough to matter, and no chance of a few blocks.
+    pub certain: bool,
+    /// Gain of each group alone, best first.
+    pub coordinates: Vec<(&'static str, f64)>,
+}
+
+/// What is left for generic functions on top of a model.
+pub(super) fn of(bench: &Workbench, model: &Model) -> Result<Leftover> {
+    let Some(base) = Base::new(bench, model)? else {
+        return Ok(Leftover {
+            gain: 0.0,
+            size: 0.0,
+            certain: false,
+            coordinates: Vec::new(),
+        });
+    };
+    let mut groups: Vec<(&'static str, Vec<Vec<f64>>)> = bench
+        .dictionary
+        .all_groups(&bench.problem)
+        .into_iter()
+        .map(|g| {
+            (
+                g.coordinate,
+                g.columns.iter().map(|c| bench.noise.whiten(c)).collect(),
+            )
+        })
+        .collect();
+    groups.push(("time, periodically", base.spectral_line()));
+    let friction = bench.problem.coulomb(&Direction::default());
+    let residual = system::residual(&bench.problem, model);
+    for (name, carrier) in [
+        ("time, as friction in spells", friction.as_slice()),
+        ("time, in spells", &vec![1.0; friction.len()]),
+    ] {
+        groups.push((name, base.spells(carrier, &residual)));
+    }
+    let mut alone: Vec<(&'static str, Generic)> = groups
+        .iter()
+        .map(|(name, c)| (*name, base.generic(c)))
+        .collect();
+    alone.sort_by(|a, b| b.1.gain.total_cmp(&a.1.gain));
+    let all: Vec<Vec<f64>> = groups.into_iter().flat_map(|(_, c)| c).collect();
+    let together = base.generic(&all);
+    let each = alone.iter().map(|g| g.1).chain([together]);
+    let shares = each.clone().map(|g| g.gain);
+    let gain = shares.fold(f64::NEG_INFINITY, f64::max);
+    let size = gain.max(0.0).sqrt() * relative_residual(bench, model);
+    Ok(Leftover {
+        gain,
+        size,
+        certain: size >= smallest(bench) && each.into_iter().any(|g| g.certain),
+        coordinates: alone.into_iter().map(|(name, g)| (name, g.gain)).collect(),
+    })
+}
+
+/// Whether what a model leaves of the torque is large enough to count.
+pub(super) fn counts(bench: &Workbench, model: &Model) -> bool {
+    relative_residual(bench, model) >= smallest(bench)
+}
+
+/// The size from which on something unexplained counts: [`SMALLEST`], or what uncertain reversals leave where few samples
+/// lie under a window.
+fn smallest(bench: &Workbench) -> f64 {
+    let reaches = bench.problem.windows.iter().map(|w| w.reach as f64);
+    let coarsest = reaches.map(|reach| TIMING / reach).fold(0.0, f64::max);
+    SMALLEST.max(coarsest)
+}
+
+/// RMS of the residual torque over the RMS of the driving torque, both averaged by the test functions.
+fn relative_residual(bench: &Workbench, model: &Model) -> f64 {
+    let rms = |x: &[f64]| (x.iter().map(|x| x * x).sum::<f64>() / x.len().max(1) as f64).sqrt();
+    let scale = system::torque_scale(&bench.problem, model).abs();
+    let drive = model.gain.value.unwrap_or(1.0).abs() * rms(&bench.problem.input(&Path::default()));
+    scale * rms(&system::residual(&bench.problem, model)) / drive.max(f64::MIN_POSITIVE)
+}
