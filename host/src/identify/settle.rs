@@ -207,7 +207,7 @@ impl Workbench {
         let make = |draw: usize| {
             let draw = (draw < DRAWS).then(|| Draw {
                 at: (draw as f64 + 0.5) / DRAWS as f64,
-                load: if draw % 2 == 0 { load } else { -load },
+                load: if draw.is_multiple_of(2) { load } else { -load },
                 seed: draw as u64,
                 pair: draw as u64 / 2,
             });
