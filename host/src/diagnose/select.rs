@@ -89,7 +89,7 @@ pub(super) fn select(
             sought: &sought,
             ..*scope
         };
-        let Some(found) = best(&open, &current, recordings)? else {
+        let Some(found) = best(&open, &current, |_| true, recordings)? else {
             break;
         };
         let (next, _) = bench.estimate(&with_trial(&current, &found.trial))?;
@@ -149,8 +149,13 @@ fn trials(
     Ok(trials)
 }
 
-/// The effect of a scope with the best evidence among those that pass, or else among those that are [`rescued`].
-fn best(scope: &Scope, model: &Model, recordings: &[Recording]) -> Result<Option<Selected>> {
+/// The effect of a scope with the best evidence among those that pass, or else among those that are [`rescued`], if they may be.
+fn best(
+    scope: &Scope,
+    model: &Model,
+    may_be_rescued: impl Fn(&dyn Effect) -> bool,
+    recordings: &[Recording],
+) -> Result<Option<Selected>> {
     let bench = scope.bench;
     let Some(base) = Base::new(bench, model)? else {
         return Ok(None);
@@ -158,7 +163,8 @@ fn best(scope: &Scope, model: &Model, recordings: &[Recording]) -> Result<Option
     let (mut passing, rest): (Vec<Trial>, Vec<Trial>) = trials(&base, model, scope.sought)?
         .into_iter()
         .partition(scope.passes);
-    let rest: Vec<Trial> = rest.into_iter().filter(worth_a_look).collect();
+    let open = |trial: &Trial| worth_a_look(trial) && may_be_rescued(trial.effect);
+    let rest: Vec<Trial> = rest.into_iter().filter(open).collect();
     if passing.is_empty() && !scope.fast && !rest.is_empty() {
         let before = fit::parts(model, recordings, &bench.problem.tracks)?;
         let counts: Result<Vec<bool>> = rest
@@ -261,7 +267,9 @@ fn again(
             ..Scope::usual(scope.usual)
         }
     };
-    best(&scope, lacking, recordings)
+    // A rival takes the place by evidence alone.
+    let id = selected.trial.effect.id();
+    best(&scope, lacking, |effect| effect.id() == id, recordings)
 }
 
 /// The model without one of its terms.
