@@ -61,22 +61,12 @@ pub(super) fn choose_response(
     };
     let (full, plain) = (by_both_sides(&all)?, by_both_sides(&[])?);
     let positive = |told: Option<Told>| told.filter(|told| told.value > 0.0);
-    // What is negative by chance alone may still be as large as that.
-    let hardly_negative = |told: Option<Told>| {
-        let may_be = told.filter(|told| told.most > 0.0);
-        may_be.map(|told| Told {
-            value: told.most,
-            ..told
-        })
-    };
     // A short recording may carry functions of position, gravity and springs among them, but not the whole dictionary. Where
     // the force side fails, so little of the torque accelerates that the other side's inertia, too large, is all there is.
     let least = positive(full.1)
         .or(positive(by_both_sides(&position)?.1))
         .or(positive(plain.1))
-        .or(positive(full.0))
-        .or(hardly_negative(full.1))
-        .or(hardly_negative(plain.1));
+        .or(positive(full.0));
     let most = positive(full.0);
     let inertias = least.map(|least| Inertias {
         least: least.least,
