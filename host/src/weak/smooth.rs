@@ -2,14 +2,14 @@
 
 use std::ops::Range;
 
-use nalgebra::{DMatrix, DVectorView};
+use nalgebra::DMatrix;
 
 /// Derivative filter over `2·half + 1` samples; exact for cubics, also at the ends of the recording.
 pub(super) struct Differentiator {
     half: usize,
-    /// Column `j`: weights for the derivative at sample `j` of the window, per sampling interval.
+    /// Row `j`: weights for the derivative at sample `j` of the window, per sampling interval.
     weights: DMatrix<f64>,
-    /// Column `j`: weights for the value at sample `j`.
+    /// Row `j`: weights for the value at sample `j`.
     values: DMatrix<f64>,
 }
 
@@ -30,8 +30,8 @@ impl Differentiator {
         });
         Self {
             half,
-            weights: (slopes * &fit).transpose(),
-            values: (design * fit).transpose(),
+            weights: slopes * &fit,
+            values: design * fit,
         }
     }
 
@@ -42,13 +42,13 @@ impl Differentiator {
 
     /// Standard deviation of the derivative at the window's centre for unit white noise on the samples.
     pub(super) fn noise_gain(&self) -> f64 {
-        self.weights.column(self.half).norm()
+        self.weights.row(self.half).norm()
     }
 
     /// The same for samples that are running sums of unit white noise.
     pub(super) fn summed_noise_gain(&self) -> f64 {
         let mut tail = 0.0;
-        let weights = self.weights.column(self.half);
+        let weights = self.weights.row(self.half);
         let squares = weights.iter().rev().map(|w| {
             tail += w;
             tail * tail
@@ -76,12 +76,11 @@ impl Differentiator {
 
     /// What the weights make of the window around sample `i`, and the weight of that sample itself.
     fn at(&self, weights: &DMatrix<f64>, x: &[f64], i: usize) -> (f64, f64) {
-        let n = weights.nrows();
+        let n = weights.ncols();
         let start = i.saturating_sub(self.half).min(x.len() - n);
-        let column = weights.column(i - start);
-        // Unrolled into independent sums, which plain iteration over floats is not.
-        let sum = column.dot(&DVectorView::from_slice(&x[start..], n));
-        (sum, column[i - start])
+        let row = weights.row(i - start);
+        let sum = row.iter().zip(&x[start..]).map(|(w, x)| w * x).sum();
+        (sum, row[i - start])
     }
 }
 
