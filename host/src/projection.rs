@@ -67,16 +67,27 @@ impl Projection {
 
     /// How much the squared residual falls with a few more columns.
     pub fn gain(&self, columns: &[Vec<f64>]) -> f64 {
-        let (mut gram, right) = self.gram(columns);
-        gram.fill_lower_triangle_with_upper_triangle();
-        let scale = gram.diagonal().map(|d| d.max(f64::MIN_POSITIVE));
-        for k in 0..right.len() {
-            gram[(k, k)] += NOTHING * scale[k];
-        }
-        gram.cholesky()
-            .map_or(0.0, |factor| right.dot(&factor.solve(&right)))
+        let (gram, right) = self.gram(columns);
+        gain(gram, &right)
     }
 
+    /// How much the squared residual falls with the columns of every two of some sets, as shares of it; which two come first.
+    pub fn gains_of_two(&self, sets: &[Vec<Vec<f64>>]) -> Vec<([usize; 2], f64)> {
+        let (gram, right) = self.gram(&sets.concat());
+        let mut ends = vec![0];
+        ends.extend(sets.iter().scan(0, |end, set| {
+            *end += set.len();
+            Some(*end)
+        }));
+        let all = dot(&self.residual, &self.residual).max(f64::MIN_POSITIVE);
+        let of = |i: usize, j: usize| {
+            let columns: Vec<usize> = (ends[i]..ends[i + 1]).chain(ends[j]..ends[j + 1]).collect();
+            let gram = gram.select_columns(&columns).select_rows(&columns);
+            gain(gram, &right.select_rows(&columns)) / all
+        };
+        let pairs = (0..sets.len()).flat_map(|j| (0..j).map(move |i| [i, j]));
+        pairs.map(|[i, j]| ([i, j], of(i, j))).collect()
+    }
     /// The run of consecutive columns whose sum takes most off: its first, and one past its last.
     ///
     /// `(Σ b)²/ΣΣ G` of every run, by cumulative sums along the diagonals.
@@ -97,6 +108,17 @@ impl Projection {
         }
         best
     }
+}
+
+/// `bᵀG⁻¹b`, from the upper triangle of `G`.
+fn gain(mut gram: DMatrix<f64>, right: &DVector<f64>) -> f64 {
+    gram.fill_lower_triangle_with_upper_triangle();
+    let scale = gram.diagonal().map(|d| d.max(f64::MIN_POSITIVE));
+    for k in 0..right.len() {
+        gram[(k, k)] += NOTHING * scale[k];
+    }
+    gram.cholesky()
+        .map_or(0.0, |factor| right.dot(&factor.solve(right)))
 }
 
 #[cfg(test)]

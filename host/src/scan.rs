@@ -4,7 +4,7 @@ use nalgebra::Complex;
 
 use crate::effects::{Effect, Inner, Search, Survey};
 use crate::error::Result;
-use crate::linear::Score;
+use crate::linear::{self, Score};
 use crate::model::{Model, Term};
 use crate::noise::Noise;
 use crate::problem::Problem;
@@ -258,7 +258,26 @@ impl<'a> Ground<'a> {
         vec![part(|z| z.im), part(|z| z.re)]
     }
 
-    fn projection(&self) -> Projection {
+    /// Where a term can move the whitened residual to: its columns, or, of a term that changes the way of the input, by how
+    /// much it moves the residual alone. `None` if the recording does not determine the model with it.
+    pub fn directions(&self, term: &Term, inner: Inner) -> Result<Option<Vec<Vec<f64>>>> {
+        let model = self.model_with(term, inner);
+        if term.effect.width() > 0 {
+            return Ok(Some(self.columns(&model)));
+        }
+        let system = System::new(self.problem, &model)?.whitened(self.noise);
+        Ok(system.score(self.blocks).map(|score| {
+            let residual = |system: &System, beta| {
+                linear::residual(&system.response, &system.columns_and([]), beta)
+            };
+            let before = residual(&self.system, &self.score.beta);
+            let after = residual(&system, &score.beta);
+            vec![before.iter().zip(after).map(|(b, a)| b - a).collect()]
+        }))
+    }
+
+    /// The fit of the model over the training rows.
+    pub fn projection(&self) -> Projection {
         let seen: Vec<bool> = self
             .problem
             .rows

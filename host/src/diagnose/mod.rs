@@ -5,6 +5,7 @@ mod findings;
 mod leftover;
 mod locate;
 mod outcome;
+mod pairs;
 mod select;
 mod sharpen;
 mod trial;

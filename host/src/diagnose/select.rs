@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 
-use super::confirm;
 use super::trial::{Base, Trial};
+use super::{confirm, pairs};
 use crate::effects::{self, Effect, Seat};
 use crate::error::Result;
 use crate::fit::{self, Parts};
@@ -78,6 +78,7 @@ pub(super) fn select(
     progress: &dyn Fn(&str),
 ) -> Result<Selection> {
     let bench = scope.bench;
+    let alone = selected.is_empty();
     // A round that makes an earlier effect superfluous does not add to their number, hence the bound on rounds.
     for round in 1..=2 * MOST {
         if selected.len() == MOST {
@@ -96,6 +97,13 @@ pub(super) fn select(
         selected.push(found);
         current = next;
         current = reexamine(scope, model, &mut selected, current, recordings)?;
+    }
+    if alone
+        && !scope.fast
+        && let Some(pair) = pairs::better(scope, model, (&selected, &current), recordings)?
+    {
+        progress("going on from two effects together");
+        return select(scope, model, pair, recordings, progress);
     }
     Ok((selected, current))
 }
@@ -119,7 +127,7 @@ fn passes(trial: &Trial) -> bool {
 
 /// Whether a model has room for an effect: it does not have it yet, such an axis can show it, and only one load can hang on
 /// an axis.
-fn fits_in(effect: &dyn Effect, model: &Model) -> bool {
+pub(super) fn fits_in(effect: &dyn Effect, model: &Model) -> bool {
     let hangs = |e: &dyn Effect| e.seat() == Seat::Load;
     let loaded = model.terms.iter().any(|t| hangs(t.effect));
     let room = !(loaded && hangs(effect));
@@ -135,7 +143,7 @@ fn taken(effect: &dyn Effect, selected: &[Selected]) -> bool {
 }
 
 /// Every effect that a model has room for, tried on it; best first.
-fn trials(
+pub(super) fn trials(
     base: &Base,
     model: &Model,
     sought: &(dyn Fn(&dyn Effect) -> bool + Sync),
@@ -150,7 +158,7 @@ fn trials(
 }
 
 /// The effect of a scope with the best evidence among those that pass, or else among those that are [`rescued`], if they may be.
-fn best(
+pub(super) fn best(
     scope: &Scope,
     model: &Model,
     may_be_rescued: impl Fn(&dyn Effect) -> bool,

@@ -20,6 +20,8 @@ pub(super) struct Trial {
     pub inner: Inner,
     /// Fall of the Bayesian information criterion, the search over the inner parameter paid for.
     pub delta_bic: f64,
+    /// What was paid for parameters and search.
+    pub price: f64,
     /// How much the cross-validated squared error falls.
     pub gain: Gain,
     /// Whether its gain is no chance of a few blocks.
@@ -36,9 +38,9 @@ impl Trial {
 /// A model with numbers, its whitened system and its score: what candidates are compared with.
 pub(super) struct Base<'a> {
     bench: &'a Workbench,
-    ground: Ground<'a>,
+    pub ground: Ground<'a>,
     /// See [`least_t`].
-    least_t: f64,
+    pub least_t: f64,
 }
 
 /// How much the cross-validated squared error falls.
@@ -51,7 +53,7 @@ pub(super) struct Gain {
 }
 
 impl Gain {
-    fn of(before: &Score, after: &Score) -> Self {
+    pub fn of(before: &Score, after: &Score) -> Self {
         let blocks = before.by_block.iter().zip(&after.by_block);
         let falls: Vec<f64> = blocks.map(|(b, a)| b - a).collect();
         Self {
@@ -104,13 +106,14 @@ impl<'a> Base<'a> {
             return Ok(None);
         };
         let parameters = effect.parameters().len() as f64;
-        let penalty = parameters * self.rows().ln() + 2.0 * (found.tried as f64).ln();
+        let price = parameters * self.rows().ln() + 2.0 * (found.tried as f64).ln();
         let before = &self.ground.score;
         let gain = Gain::of(before, &found.score);
         Ok(Some(Trial {
             effect,
             inner: found.inner,
-            delta_bic: before.chi2 - found.score.chi2 - penalty,
+            delta_bic: before.chi2 - found.score.chi2 - price,
+            price,
             gain,
             certain: gain.t >= self.least_t,
         }))

@@ -1,0 +1,134 @@
+//! Two effects of which neither shows without the other.
+//!
+//! Forward selection takes the effect that does most alone. Where two act at once, neither of them may do much alone, or a third
+//! may do more than either by standing in for both. So every two are tried together: to begin with as linear columns at the
+//! inner parameters that each is best at alone, which costs next to nothing, and in earnest if that promises more than the
+//! selection has.
+
+use super::select::{self, FLOOR, LEAST_DELTA_BIC, Scope, Selected, Selection};
+use super::trial::{Base, Gain, Trial};
+use crate::effects;
+use crate::error::Result;
+use crate::identify::Workbench;
+use crate::model::Model;
+use crate::recording::Recording;
+use crate::scan;
+
+/// Most pairs that are fitted in earnest: their order by the linear columns is rough, as inner parameters move.
+const MOST: usize = 5;
+
+/// Two effects that together explain what `model` leaves out better than a selection does: by as much as a further effect
+/// must where the selection has fewer, or else by the evidence alone. Each is the best one to add to the other.
+pub(super) fn better(
+    scope: &Scope,
+    model: &Model,
+    (selected, current): (&[Selected], &Model),
+    recordings: &[Recording],
+) -> Result<Option<Selection>> {
+    let bench = scope.bench;
+    let (Some(base), Some(than)) = (Base::new(bench, model)?, Base::new(bench, current)?) else {
+        return Ok(None);
+    };
+    let prices = selected.iter().map(|s| s.trial.price);
+    let choices = effects::ALL.len() * (effects::ALL.len() - 1) / 2;
+    let choice = 2.0 * (choices as f64).ln();
+    let criterion = than.score().chi2 + prices.sum::<f64>() - choice - LEAST_DELTA_BIC;
+    let share = if selected.len() < 2 { FLOOR } else { 0.0 };
+    let mut best: Option<(f64, [Trial; 2], Model)> = None;
+    for two in promising(&base, model, scope, selected, criterion)? {
+        for (two, with) in fitted(bench, model, &two)? {
+            let Some(together) = Base::new(bench, &with)? else {
+                continue;
+            };
+            let score = together.score();
+            let reached = score.chi2 + two.iter().map(|t| t.price).sum::<f64>();
+            let certain = Gain::of(base.score(), score).t >= base.least_t;
+            let predicts = score.cross_validated < (1.0 - share) * than.score().cross_validated;
+            let most = best.as_ref().map_or(criterion, |(reached, ..)| *reached);
+            if certain && predicts && reached < most {
+                best = Some((reached, two, with));
+            }
+        }
+    }
+    match best {
+        Some((_, two, with)) => beside_each_other(scope, model, two, with, recordings),
+        None => Ok(None),
+    }
+}
+
+/// A model with two effects, the inner parameters of either sought beside the other.
+fn fitted(bench: &Workbench, model: &Model, two: &[Trial; 2]) -> Result<Vec<([Trial; 2], Model)>> {
+    let mut fits = Vec::new();
+    for [first, second] in [[0, 1], [1, 0]].map(|order| order.map(|k: usize| &two[k])) {
+        let Ok((with, _)) = bench.estimate(&select::with_trial(model, first)) else {
+            continue;
+        };
+        let second = match Base::new(bench, &with)? {
+            Some(base) => base.attempt(second.effect)?,
+            None => None,
+        };
+        if let Some(second) = second
+            && let Ok((both, _)) = bench.estimate(&select::with_trial(&with, &second))
+        {
+            fits.push(([first.clone(), second], both));
+        }
+    }
+    Ok(fits)
+}
+
+/// Every two effects that promise to get below a criterion, their price paid, the most promising ones first.
+fn promising(
+    base: &Base,
+    model: &Model,
+    scope: &Scope,
+    selected: &[Selected],
+    criterion: f64,
+) -> Result<Vec<[Trial; 2]>> {
+    let mut candidates: Vec<(Trial, Vec<Vec<f64>>)> = Vec::new();
+    for trial in select::trials(base, model, scope.sought)? {
+        let directions = base
+            .ground
+            .directions(&scan::open(trial.effect), trial.inner)?;
+        candidates.extend(directions.map(|directions| (trial, directions)));
+    }
+    let (trials, directions): (Vec<Trial>, Vec<_>) = candidates.into_iter().unzip();
+    let chosen =
+        |trial: &Trial| (selected.iter()).any(|s| s.trial.effect.id() == trial.effect.id());
+    let gains = base.ground.projection().gains_of_two(&directions);
+    let mut pairs: Vec<(f64, [usize; 2])> = gains
+        .into_iter()
+        .filter(|([i, j], _)| {
+            let fit = select::fits_in(trials[*j].effect, &select::with_trial(model, &trials[*i]));
+            fit && !(chosen(&trials[*i]) && chosen(&trials[*j]))
+        })
+        .map(|([i, j], gain)| {
+            let price = trials[i].price + trials[j].price;
+            (base.score().chi2 * (1.0 - gain) + price, [i, j])
+        })
+        .filter(|(predicted, ..)| *predicted < criterion)
+        .collect();
+    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let two = |(_, pair): &(f64, [usize; 2])| pair.map(|k| trials[k].clone());
+    Ok(pairs.iter().take(MOST).map(two).collect())
+}
+
+/// The two as a selection, if each is the best effect to add to the other.
+fn beside_each_other(
+    scope: &Scope,
+    model: &Model,
+    two: [Trial; 2],
+    with: Model,
+    recordings: &[Recording],
+) -> Result<Option<Selection>> {
+    let mut selection = Vec::new();
+    for (k, trial) in two.iter().enumerate() {
+        let lacking = select::without(&with, model.terms.len() + k);
+        let (lacking, _) = scope.bench.estimate(&lacking)?;
+        let id = trial.effect.id();
+        match select::best(scope, &lacking, |effect| effect.id() == id, recordings)? {
+            Some(found) if found.trial.effect.id() == id => selection.push(found),
+            _ => return Ok(None),
+        }
+    }
+    Ok(Some((selection, with)))
+}
