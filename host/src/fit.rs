@@ -1,5 +1,6 @@
 //! How well a model predicts: free runs over windows, driven by `u` alone.
 
+use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::axis::Axis;
@@ -232,15 +233,21 @@ fn run(
             continue;
         }
         let along = Along::new(&axis, track);
-        let over = |horizon: f64, range: std::ops::Range<usize>| {
-            windows(&recording.t, horizon, range)
-                .map(|samples| window(&axis, recording, track, &along, samples))
+        let over = |horizon: f64, range: std::ops::Range<usize>| -> Vec<Sums> {
+            let windows: Vec<_> = windows(&recording.t, horizon, range).collect();
+            let sums = windows.into_par_iter();
+            sums.map(|samples| window(&axis, recording, track, &along, samples))
+                .collect()
         };
-        train.extend(over(HORIZON, 0..boundary));
-        held_out.extend(over(HORIZON, boundary..recording.len()));
-        if whole {
-            all.extend(over(f64::INFINITY, 0..recording.len()));
-        }
+        let len = recording.len();
+        // The longest run beside all the short ones.
+        let (long, (early, late)) = rayon::join(
+            || over(f64::INFINITY, 0..if whole { len } else { 0 }),
+            || (over(HORIZON, 0..boundary), over(HORIZON, boundary..len)),
+        );
+        train.extend(early);
+        held_out.extend(late);
+        all.extend(long);
     }
     Ok((Parts { train, held_out }, all))
 }

@@ -1,6 +1,7 @@
 //! The search for the inner parameters of one more effect on top of a model.
 
 use nalgebra::Complex;
+use rayon::prelude::*;
 
 use crate::effects::{Effect, Inner, Search, Survey};
 use crate::error::Result;
@@ -95,9 +96,13 @@ impl<'a> Ground<'a> {
     fn on_grid(&self, term: &Term) -> Result<Option<Found>> {
         let second = term.effect.shape().map_or(0.0, |(_, start)| start);
         let grid = term.effect.grid(&self.survey);
+        self.prepare(term, &grid, second);
+        let scores: Vec<Option<Score>> = grid
+            .par_iter()
+            .map(|&first| self.with(term, [first, second]))
+            .collect::<Result<_>>()?;
         let mut best: Option<(usize, Found)> = None;
-        for (k, &first) in grid.iter().enumerate() {
-            let score = self.with(term, [first, second])?;
+        for (k, (&first, score)) in grid.iter().zip(scores).enumerate() {
             let Some(score) = score else { continue };
             if best.as_ref().is_none_or(|(_, b)| score.chi2 < b.score.chi2) {
                 let found = Found {
@@ -120,6 +125,19 @@ impl<'a> Ground<'a> {
             self.refine(term, 0, bracket, &mut found)?;
         }
         Ok(Some(found))
+    }
+
+    /// Has the columns of a term ready over a whole grid of its scanned parameter, where they cost less together.
+    fn prepare(&self, term: &Term, grid: &[f64], second: f64) {
+        let inner = |&first: &f64| {
+            let mut term = term.clone();
+            set_inner(&mut term, [first, second]);
+            let values = system::values(&term);
+            term.effect.linear(&values, self.model.scale()).0
+        };
+        let inners: Vec<Inner> = grid.iter().map(inner).collect();
+        let (direction, path) = (self.problem.direction(self.model), system::path(self.model));
+        self.problem.waves(term.effect, &inners, &direction, &path);
     }
 
     /// All intervals between the borders of equal blocks of time: with the projected columns of the blocks at hand, the
