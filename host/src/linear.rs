@@ -170,6 +170,22 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     view(a, length).dot(&view(b, length))
 }
 
+/// The same of one slice with several columns that lie side by side, each summed in the order in which [`dot`] sums.
+pub fn dots<const N: usize>(a: &[f64], columns: &[[f64; N]]) -> [f64; N] {
+    let mut sums = [[0.0; N]; 8];
+    let (eights, others) = (a.chunks_exact(8), columns.chunks_exact(8));
+    let tail = eights.remainder().iter().zip(others.remainder());
+    for (a, columns) in eights.zip(others) {
+        for (sum, (a, row)) in sums.iter_mut().zip(a.iter().zip(columns)) {
+            (0..N).for_each(|k| sum[k] += a * row[k]);
+        }
+    }
+    std::array::from_fn(|k| {
+        let sum = (0..4).fold(0.0, |sum, i| sum + (sums[i][k] + sums[i + 4][k]));
+        tail.clone().fold(sum, |sum, (a, row)| sum + a * row[k])
+    })
+}
+
 /// `response − columns·β` of every row, over as many columns as β has entries.
 pub fn residual(response: &[f64], columns: &[&[f64]], beta: &DVector<f64>) -> Vec<f64> {
     let mut residual = response.to_vec();
@@ -182,7 +198,7 @@ pub fn residual(response: &[f64], columns: &[&[f64]], beta: &DVector<f64>) -> Ve
 
 #[cfg(test)]
 mod tests {
-    use super::{FOLDS, score};
+    use super::{FOLDS, dot, dots, score};
     use rand::{Rng, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
@@ -246,6 +262,17 @@ mod tests {
         let error: f64 = (1200..1300).map(|k| (y[k] - xy / xx * x[k]).powi(2)).sum();
         // Block 7 is missing before it.
         assert!((scored.by_block[11] - error).abs() < 1e-9 * error);
+    }
+
+    /// To the last bit, so that what is computed side by side is what was computed alone.
+    #[test]
+    fn scalar_products_side_by_side_are_those_alone() {
+        let (a, b, c) = (noise(8), noise(9), noise(10));
+        let pairs: Vec<[f64; 2]> = b.iter().zip(&c).map(|(b, c)| [*b, *c]).collect();
+        for n in 0..50 {
+            let alone = [dot(&a[..n], &b[..n]), dot(&a[..n], &c[..n])];
+            assert_eq!(dots(&a[..n], &pairs[..n]), alone);
+        }
     }
 
     #[test]

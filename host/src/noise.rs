@@ -122,16 +122,31 @@ impl Noise {
 
     /// Whitened values, one for each row.
     pub fn whiten(&self, rows: &[f64]) -> Vec<f64> {
-        let mut out = vec![0.0; rows.len()];
+        let [whitened] = self.side_by_side([rows]);
+        whitened
+    }
+
+    /// The same of several columns: the same values in less time.
+    pub fn whiten_all<'a>(&self, columns: impl IntoIterator<Item = &'a [f64]>) -> Vec<Vec<f64>> {
+        let columns: Vec<&[f64]> = columns.into_iter().collect();
+        let (pairs, rest) = columns.as_chunks();
+        let pairs = pairs.iter().flat_map(|pair| self.side_by_side::<2>(*pair));
+        pairs.chain(rest.iter().map(|c| self.whiten(c))).collect()
+    }
+
+    /// Each row waits for the one before it, and columns wait together.
+    fn side_by_side<const N: usize>(&self, columns: [&[f64]; N]) -> [Vec<f64>; N] {
+        let mut out = vec![[0.0; N]; columns[0].len()];
         for block in &self.blocks {
             for (i, line) in block.lines.iter().enumerate() {
                 let at = block.start + i;
-                let past = linear::dot(&line.past, &out[at - line.past.len()..at]);
-                out[at] = rows[at] / self.sigma[at] * line.scale - past;
+                let past = linear::dots(&line.past, &out[at - line.past.len()..at]);
+                let row = |k: usize| columns[k][at] / self.sigma[at] * line.scale - past[k];
+                out[at] = std::array::from_fn(row);
             }
         }
-        out.iter_mut().zip(&self.weight).for_each(|(x, w)| *x *= w);
-        out
+        let rows = || out.iter().zip(&self.weight);
+        std::array::from_fn(|k| rows().map(|(x, w)| x[k] * w).collect())
     }
 }
 

@@ -1,7 +1,7 @@
 //! The weak form of one axis over all its recordings: rows, and the columns of every term.
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use crate::effects::{Effect, Inner, Path, Point, Survey, Wave};
 use crate::model::Model;
@@ -95,6 +95,7 @@ pub struct Problem {
     cache: Mutex<HashMap<Key, Vec<Column>>>,
     /// The last direction asked for: that of one set of bristles serves all columns of a model.
     direction: Mutex<Direction>,
+    survey: OnceLock<Survey>,
 }
 
 impl Problem {
@@ -128,6 +129,7 @@ impl Problem {
             acceleration: Arc::default(),
             cache: Mutex::default(),
             direction: Mutex::default(),
+            survey: OnceLock::new(),
         };
         problem.acceleration = Arc::new(problem.stack(|t, w| w.acceleration(&t.q)));
         problem
@@ -339,10 +341,17 @@ impl Problem {
     /// # Panics
     /// Without a single recording.
     pub fn survey(&self, model: &Model) -> Survey {
+        Survey {
+            coulomb: model.coulomb.value.unwrap_or_default(),
+            ..*self.survey.get_or_init(|| self.all_tracks())
+        }
+    }
+
+    fn all_tracks(&self) -> Survey {
         let widths = self.half_widths();
         let surveys = self.tracks.iter().zip(widths);
         let surveys = surveys.map(|(t, half_width)| t.survey(self.motion, half_width));
-        let all = surveys
+        surveys
             .reduce(|a, b| Survey {
                 motion: a.motion,
                 period: a.period.min(b.period),
@@ -355,11 +364,7 @@ impl Problem {
                 position_noise: a.position_noise.max(b.position_noise),
                 coulomb: a.coulomb,
             })
-            .expect("at least one recording");
-        Survey {
-            coulomb: model.coulomb.value.unwrap_or_default(),
-            ..all
-        }
+            .expect("at least one recording")
     }
 
     /// Time at the centre of a row, s.

@@ -1,6 +1,5 @@
 //! The search for the inner parameters of one more effect on top of a model.
 
-use nalgebra::Complex;
 use rayon::prelude::*;
 
 use crate::effects::{Effect, Inner, Search, Survey};
@@ -8,6 +7,7 @@ use crate::error::Result;
 use crate::linear::Score;
 use crate::model::{Model, Term};
 use crate::noise::Noise;
+use crate::phasor;
 use crate::problem::Problem;
 use crate::projection::Projection;
 use crate::system::{self, System};
@@ -183,9 +183,7 @@ impl<'a> Ground<'a> {
         let (from, to) = (TRAIN_SHARE * self.survey.duration, self.survey.duration);
         let mut model = self.model_with(term, found.inner);
         let columns = system::columns(self.problem, &model, &model.terms[model.terms.len() - 1]);
-        let system = self
-            .system
-            .extended(&model, &columns, |c| self.noise.whiten(c));
+        let system = self.system.extended(&model, &columns, self.noise);
         system.decode(&found.score.beta, &mut model);
         let error = |off: f64| -> f64 {
             let mut model = model.clone();
@@ -239,41 +237,34 @@ impl<'a> Ground<'a> {
     /// The frequency at which a sine and a cosine in time take most off the residual, of frequencies that are equally far
     /// apart.
     pub fn strongest_line(&self, frequencies: &[f64]) -> Option<f64> {
+        frequencies.get(1)?;
         let projection = self.projection();
-        let (&first, &second) = (frequencies.first()?, frequencies.get(1)?);
-        // From one frequency to the next every row turns by the same angle: a product in place of a sine and a cosine.
-        let turns = self.phasors(second - first);
-        let mut phasors = self.phasors(first);
-        let gains = frequencies.iter().map(|&hertz| {
-            let gain = projection.gain(&self.whitened(&phasors));
-            for (phasor, turn) in phasors.iter_mut().zip(&turns) {
-                *phasor *= turn;
-            }
-            (gain, hertz)
-        });
-        gains.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, f)| f)
+        let gain = |sin: &[f64], cos: &[f64]| projection.gain(&self.noise.whiten_all([sin, cos]));
+        let gains = phasor::each(&self.turns(frequencies), &self.times(), gain);
+        let gains = gains.into_iter().zip(frequencies);
+        gains.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, f)| *f)
     }
 
     /// Whitened sine and cosine in time, by their values at the centres of the windows.
     pub fn line(&self, hertz: f64) -> Vec<Vec<f64>> {
-        self.whitened(&self.phasors(hertz))
+        let line = |sin: &[f64], cos: &[f64]| self.noise.whiten_all([sin, cos]);
+        let lines = phasor::each(&self.turns(&[hertz]), &self.times(), line);
+        lines.into_iter().flatten().collect()
     }
 
-    /// `e^(iωt)` at the centres of the windows.
-    fn phasors(&self, hertz: f64) -> Vec<Complex<f64>> {
-        let at = |row: &crate::problem::Row| {
-            let time = row.centre as f64 * self.problem.tracks[row.track].period;
-            Complex::cis(std::f64::consts::TAU * hertz * time)
-        };
+    /// Angular frequencies.
+    fn turns(&self, frequencies: &[f64]) -> Vec<f64> {
+        frequencies
+            .iter()
+            .map(|f| std::f64::consts::TAU * f)
+            .collect()
+    }
+
+    /// Times of the centres of the windows, from the first sample on.
+    fn times(&self) -> Vec<f64> {
+        let at =
+            |row: &crate::problem::Row| row.centre as f64 * self.problem.tracks[row.track].period;
         self.problem.rows.iter().map(at).collect()
-    }
-
-    fn whitened(&self, phasors: &[Complex<f64>]) -> Vec<Vec<f64>> {
-        let part = |of: fn(&Complex<f64>) -> f64| {
-            let column: Vec<f64> = phasors.iter().map(of).collect();
-            self.noise.whiten(&column)
-        };
-        vec![part(|z| z.im), part(|z| z.re)]
     }
 
     fn projection(&self) -> Projection {
@@ -300,7 +291,7 @@ impl<'a> Ground<'a> {
             return Vec::new();
         };
         let columns = system::columns(self.problem, model, term);
-        columns.iter().map(|c| self.noise.whiten(c)).collect()
+        self.noise.whiten_all(columns.iter().map(|c| c.as_slice()))
     }
 
     /// The score of the model with a term, if physics allows the coefficients that it comes out with.
@@ -311,8 +302,7 @@ impl<'a> Ground<'a> {
         } else {
             let columns =
                 system::columns(self.problem, &model, &model.terms[model.terms.len() - 1]);
-            self.system
-                .extended(&model, &columns, |c| self.noise.whiten(c))
+            self.system.extended(&model, &columns, self.noise)
         };
         let score = system.score(self.blocks);
         Ok(score.filter(|s| system.decode(&s.beta, &mut model) && self.plausible(&model)))

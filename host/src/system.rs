@@ -204,7 +204,7 @@ impl System {
     pub fn whitened(&self, noise: &Noise) -> Self {
         Self {
             response: noise.whiten(&self.response),
-            columns: self.columns.iter().map(|c| noise.whiten(c)).collect(),
+            columns: noise.whiten_all(self.columns_and([])),
             errors: self
                 .unknowns
                 .iter()
@@ -214,21 +214,20 @@ impl System {
         }
     }
 
-    /// The system with the [`columns`] of the last term of a model, which it does not have yet; `whiten` is applied to
-    /// them.
+    /// The system, which is whitened, with the [`columns`] of the last term of a model, which it does not have yet.
     #[must_use]
-    pub fn extended(
-        &self,
-        model: &Model,
-        columns: &[Column],
-        whiten: impl Fn(&[f64]) -> Vec<f64>,
-    ) -> Self {
+    pub fn extended(&self, model: &Model, columns: &[Column], noise: &Noise) -> Self {
         let mut system = self.clone();
         let term = model.terms.len() - 1;
         let sensor = model.terms[term].effect.seat() == Seat::Sensor;
-        for (index, column) in columns.iter().enumerate() {
-            let factor = self.factors[usize::from(sensor)];
-            system.columns.push(whiten(&scaled(column, factor)));
+        let factor = self.factors[usize::from(sensor)];
+        let columns: Vec<Vec<f64>> = columns.iter().map(|c| scaled(c, factor)).collect();
+        for (index, column) in noise
+            .whiten_all(columns.iter().map(Vec::as_slice))
+            .into_iter()
+            .enumerate()
+        {
+            system.columns.push(column);
             system.unknowns.push(unknown(sensor, term, index));
         }
         system

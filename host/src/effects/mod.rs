@@ -148,8 +148,9 @@ pub trait Effect: Sync {
     }
     /// The resisting torque of each unit coefficient, into `out` (length [`Effect::width`]).
     fn basis(&self, inner: Inner, at: Point, out: &mut [f64]) {
-        if let Some(wave) = self.wave(inner) {
-            (out[0], out[1]) = wave.at(&at);
+        // Both places first, so that sine and cosine are computed in one.
+        if let (Some(wave), [sin, cos, ..]) = (self.wave(inner), out) {
+            (*sin, *cos) = wave.at(&at);
         }
     }
     /// The wave that its basis is, if it is one: then many values of its scanned parameter are tried together.

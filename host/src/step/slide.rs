@@ -166,10 +166,11 @@ fn substeps<const N: usize>(
     let s = if at.v < 0.0 { -1.0 } else { 1.0 };
     let moment = plant.moment(drive, x);
     let resistance = |q, v| plant.contact().resistance(moment, State { q, v }, s);
-    let left = plant.balance(drive, x) - resistance(at.q, at.v);
+    let now = resistance(at.q, at.v);
+    let left = plant.balance(drive, x) - now;
     let v = s * at.v.abs().max(h * left.abs() / plant.inertia()).max(1e-6);
     let (dq, dv) = (1e-6, 1e-3 * v.abs());
-    let here = resistance(at.q, v);
+    let here = if v == at.v { now } else { resistance(at.q, v) };
     let damping = (resistance(at.q, v + s * dv) - here) / (dv * plant.inertia());
     let stiffness = (resistance(at.q + dq, v) - here) / (dq * plant.inertia());
     parts(damping.abs().max(stiffness.abs().sqrt()))
