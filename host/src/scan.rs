@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::effects::{Effect, Inner, Search, Survey};
 use crate::error::Result;
-use crate::linear::Score;
+use crate::linear::{Products, Score};
 use crate::model::{Model, Term};
 use crate::noise::Noise;
 use crate::phasor;
@@ -22,6 +22,7 @@ pub struct Ground<'a> {
     inertias: Option<Inertias>,
     /// The whitened system of the model.
     pub system: System,
+    products: Products,
     /// Its score.
     pub score: Score,
     /// What the recordings cover.
@@ -71,13 +72,16 @@ impl<'a> Ground<'a> {
         inertias: Option<Inertias>,
     ) -> Result<Option<Self>> {
         let system = System::new(problem, model)?.whitened(noise);
-        Ok(system.score(blocks).map(|score| Self {
+        let products = system.products(blocks);
+        let scored = products.and_then(|p| Some((system.score_of(p.clone(), 0.0)?, p)));
+        Ok(scored.map(|(score, products)| Self {
             problem,
             noise,
             blocks,
             model,
             inertias,
             system,
+            products,
             score,
             survey: problem.survey(model),
         }))
@@ -297,15 +301,23 @@ impl<'a> Ground<'a> {
     /// The score of the model with a term, if physics allows the coefficients that it comes out with.
     fn with(&self, term: &Term, inner: Inner) -> Result<Option<Score>> {
         let mut model = self.model_with(term, inner);
-        let system = if term.effect.width() == 0 {
-            System::new(self.problem, &model)?.whitened(self.noise)
+        let (system, score);
+        if term.effect.width() == 0 {
+            system = System::new(self.problem, &model)?.whitened(self.noise);
+            score = system.score(self.blocks);
         } else {
             let columns =
                 system::columns(self.problem, &model, &model.terms[model.terms.len() - 1]);
-            self.system.extended(&model, &columns, self.noise)
-        };
-        let score = system.score(self.blocks);
+            system = self.system.extended(&model, &columns, self.noise);
+            score = system.score_of(self.products_with(&system.columns_and([])), 0.0);
+        }
         Ok(score.filter(|s| system.decode(&s.beta, &mut model) && self.plausible(&model)))
+    }
+
+    /// The products of the model's columns with others, which come after them in `columns`.
+    pub fn products_with(&self, columns: &[&[f64]]) -> Products {
+        let response = &self.system.response;
+        self.products.with(response, columns, self.blocks)
     }
 
     /// Whether a term left the inertia what it was, within reason: one next to proportional to the drive can take the

@@ -12,7 +12,7 @@ use nalgebra::DVector;
 
 use crate::effects::{Effect, Path, Seat};
 use crate::error::{Error, Result};
-use crate::linear::{self, FOLDS, Score};
+use crate::linear::{FOLDS, Products, Score};
 use crate::model::{Causality, Model, Parameter, Term};
 use crate::noise::Noise;
 use crate::problem::{Column, Problem, Response};
@@ -56,7 +56,7 @@ pub struct System {
 /// Blocks of the training rows, which are dealt out in turn to the folds of a cross-validation, last this many seconds.
 const BLOCK: f64 = 1.2;
 
-/// The block of every training row, numbered through all recordings, see [`linear::score`]; `None` for held-out rows.
+/// The block of every training row, numbered through all recordings, see [`Products::score`]; `None` for held-out rows.
 pub fn blocks(problem: &Problem) -> Vec<Option<usize>> {
     let mut first = 0;
     let starts: Vec<(usize, f64)> = problem
@@ -249,18 +249,18 @@ impl System {
 
     /// Fits the system over the rows that have a block, with the [`emphasis`] of its model.
     pub fn score(&self, blocks: &[Option<usize>]) -> Option<Score> {
-        self.score_with([], blocks, 0.0)
+        self.score_of(self.products(blocks)?, 0.0)
     }
 
-    /// The same with other columns beside its own, and a ridge: see [`linear::score`].
-    pub fn score_with<'a>(
-        &'a self,
-        others: impl IntoIterator<Item = &'a [f64]>,
-        blocks: &[Option<usize>],
-        ridge: f64,
-    ) -> Option<Score> {
-        let columns = self.columns_and(others);
-        let score = linear::score(&self.response, &columns, blocks, ridge, self.errors);
+    /// What a fit of the system over the rows that have a block needs of them.
+    pub fn products(&self, blocks: &[Option<usize>]) -> Option<Products> {
+        Products::new(&self.response, &self.columns_and([]), blocks)
+    }
+
+    /// A fit with the [`emphasis`] of the model, by the products of its columns, perhaps with others after them, and with
+    /// a ridge: see [`Products::score`].
+    pub fn score_of(&self, products: Products, ridge: f64) -> Option<Score> {
+        let score = products.score(ridge, self.errors);
         score.map(|score| score.times(self.emphasis * self.emphasis))
     }
 

@@ -64,12 +64,10 @@ impl Safe {
         self.travel.1 - self.travel.0
     }
 
-    fn allows(&self, states: &[State]) -> bool {
+    fn allows(&self, state: &State) -> bool {
         let margin = MARGIN * self.span();
         let (low, high) = (self.travel.0 - margin, self.travel.1 + margin);
-        states
-            .iter()
-            .all(|s| (low..=high).contains(&s.q) && s.v.abs() <= (1.0 + MARGIN) * self.speed)
+        (low..=high).contains(&state.q) && state.v.abs() <= (1.0 + MARGIN) * self.speed
     }
 }
 
@@ -249,18 +247,17 @@ impl Maker<'_> {
             let recording = unmeasured(self.t.clone(), u);
             let from = State { q: start, v: 0.0 };
             let last = self.t.len() - 1;
-            let mut runs = self
-                .axes
-                .iter()
-                .map(|axis| simulate::run_axis(axis, &recording, 0, last, from));
-            let states = runs.next().filter(|states| self.safe.allows(states))?;
-            runs.all(|states| self.safe.allows(&states))
-                .then(|| Candidate {
-                    shape: shape.to_owned(),
-                    t: self.t.clone(),
-                    u: recording.u,
-                    states,
-                })
+            let mut runs = self.axes.iter().map(|axis| {
+                let allowed = |state: &State| self.safe.allows(state);
+                simulate::run_axis_while(axis, &recording, (0, last), from, allowed)
+            });
+            let states = runs.next()??;
+            runs.all(|states| states.is_some()).then(|| Candidate {
+                shape: shape.to_owned(),
+                t: self.t.clone(),
+                u: recording.u,
+                states,
+            })
         })
     }
 
