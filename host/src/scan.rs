@@ -243,7 +243,8 @@ impl<'a> Ground<'a> {
     pub fn strongest_line(&self, frequencies: &[f64]) -> Option<f64> {
         frequencies.get(1)?;
         let projection = self.projection();
-        let gain = |sin: &[f64], cos: &[f64]| projection.gain(&self.noise.whiten_all([sin, cos]));
+        let gain =
+            |sin: &[f64], cos: &[f64]| projection.gain(&self.noise.whiten_training([sin, cos]));
         let gains = phasor::each(&self.turns(frequencies), &self.times(), gain);
         let gains = gains.into_iter().zip(frequencies);
         gains.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, f)| *f)
@@ -295,7 +296,8 @@ impl<'a> Ground<'a> {
             return Vec::new();
         };
         let columns = system::columns(self.problem, model, term);
-        self.noise.whiten_all(columns.iter().map(|c| c.as_slice()))
+        self.noise
+            .whiten_training(columns.iter().map(|c| c.as_slice()))
     }
 
     /// The score of the model with a term, if physics allows the coefficients that it comes out with.

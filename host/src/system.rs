@@ -210,11 +210,14 @@ impl System {
                 .iter()
                 .position(|u| *u == Unknown::Inertia)
                 .map(|k| (k, noise.encoder_energy)),
-            ..self.clone()
+            unknowns: self.unknowns.clone(),
+            factors: self.factors,
+            emphasis: self.emphasis,
         }
     }
 
-    /// The system, which is whitened, with the [`columns`] of the last term of a model, which it does not have yet.
+    /// The system, which is whitened, with the [`columns`] of the last term of a model, which it does not have yet; these
+    /// over the training rows alone.
     #[must_use]
     pub fn extended(&self, model: &Model, columns: &[Column], noise: &Noise) -> Self {
         let mut system = self.clone();
@@ -223,7 +226,7 @@ impl System {
         let factor = self.factors[usize::from(sensor)];
         let columns: Vec<Vec<f64>> = columns.iter().map(|c| scaled(c, factor)).collect();
         for (index, column) in noise
-            .whiten_all(columns.iter().map(Vec::as_slice))
+            .whiten_training(columns.iter().map(Vec::as_slice))
             .into_iter()
             .enumerate()
         {
