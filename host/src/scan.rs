@@ -245,7 +245,7 @@ impl<'a> Ground<'a> {
         let projection = self.projection();
         let gain =
             |sin: &[f64], cos: &[f64]| projection.gain(&self.noise.whiten_training([sin, cos]));
-        let gains = phasor::each(&self.turns(frequencies), &self.times(), gain);
+        let gains = phasor::each(&angular(frequencies), &self.times(), gain);
         let gains = gains.into_iter().zip(frequencies);
         gains.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, f)| *f)
     }
@@ -253,16 +253,8 @@ impl<'a> Ground<'a> {
     /// Whitened sine and cosine in time, by their values at the centres of the windows.
     pub fn line(&self, hertz: f64) -> Vec<Vec<f64>> {
         let line = |sin: &[f64], cos: &[f64]| self.noise.whiten_all([sin, cos]);
-        let lines = phasor::each(&self.turns(&[hertz]), &self.times(), line);
+        let lines = phasor::each(&angular(&[hertz]), &self.times(), line);
         lines.into_iter().flatten().collect()
-    }
-
-    /// Angular frequencies.
-    fn turns(&self, frequencies: &[f64]) -> Vec<f64> {
-        frequencies
-            .iter()
-            .map(|f| std::f64::consts::TAU * f)
-            .collect()
     }
 
     /// Times of the centres of the windows, from the first sample on.
@@ -375,6 +367,11 @@ impl<'a> Ground<'a> {
         }
         Ok(())
     }
+}
+
+/// Angular frequencies.
+fn angular(hertz: &[f64]) -> Vec<f64> {
+    hertz.iter().map(|f| std::f64::consts::TAU * f).collect()
 }
 
 /// Gives the inner parameters that a term leaves open values, within its bounds.
