@@ -1,5 +1,8 @@
 //! How well a model predicts: free runs over windows, driven by `u` alone.
 
+use std::ops::Range;
+
+use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::axis::Axis;
@@ -8,7 +11,7 @@ use crate::error::Result;
 use crate::model::{Causality, Model};
 use crate::recording::Recording;
 use crate::simulate::{self, Start, State};
-use crate::weak::{TRAIN_SHARE, Track};
+use crate::weak::{Part, TRAIN_SHARE, Track};
 
 /// Length of the free-run windows that the fit is judged on, s.
 pub const HORIZON: f64 = 1.0;
@@ -198,59 +201,86 @@ fn total(windows: &[Sums]) -> Sums {
 
 /// Judges a complete model on its recordings.
 pub fn judge(model: &Model, recordings: &[Recording], tracks: &[Track]) -> Result<Fit> {
-    let (parts, whole) = run(model, recordings, tracks, true)?;
+    // The longest run beside all the short ones.
+    let (whole, parts) = rayon::join(
+        || {
+            sums(model, recordings, tracks, f64::INFINITY, |samples| {
+                0..samples
+            })
+        },
+        || parts(model, recordings, tracks),
+    );
+    let parts = parts?;
     Ok(Fit {
         train: parts.train(),
         held_out: parts.held_out(),
-        free_run_rmse: Some(total(&whole).error().rmse),
+        free_run_rmse: Some(total(&whole?).error().rmse),
     })
 }
 
 /// Runs a complete model over the windows alone.
 pub fn parts(model: &Model, recordings: &[Recording], tracks: &[Track]) -> Result<Parts> {
-    Ok(run(model, recordings, tracks, false)?.0)
+    let of = |part| windows_of(part, model, recordings, tracks);
+    Ok(Parts {
+        train: of(Part::Train)?,
+        held_out: of(Part::HeldOut)?,
+    })
 }
 
-/// The sums over the windows and, if wanted, over each whole recording.
-fn run(
+/// The error of a complete model over the windows of one part.
+pub fn part(
+    part: Part,
     model: &Model,
     recordings: &[Recording],
     tracks: &[Track],
-    whole: bool,
-) -> Result<(Parts, Vec<Sums>)> {
+) -> Result<Error> {
+    let windows = windows_of(part, model, recordings, tracks)?;
+    Ok(total(&windows).error())
+}
+
+fn windows_of(
+    part: Part,
+    model: &Model,
+    recordings: &[Recording],
+    tracks: &[Track],
+) -> Result<Vec<Sums>> {
+    sums(model, recordings, tracks, HORIZON, |samples| {
+        let boundary = (TRAIN_SHARE * samples as f64) as usize;
+        match part {
+            Part::Train => 0..boundary,
+            Part::HeldOut => boundary..samples,
+        }
+    })
+}
+
+/// The sums over windows of some length in a range of the samples of each recording.
+fn sums(
+    model: &Model,
+    recordings: &[Recording],
+    tracks: &[Track],
+    horizon: f64,
+    range: impl Fn(usize) -> Range<usize>,
+) -> Result<Vec<Sums>> {
     let axis = Axis::new(model)?;
-    let (mut train, mut held_out, mut all) = (Vec::new(), Vec::new(), Vec::new());
+    let mut all = Vec::new();
     for (recording, track) in recordings.iter().zip(tracks) {
-        let boundary = (TRAIN_SHARE * recording.len() as f64) as usize;
+        let range = range(recording.len());
         if model.causality == Causality::Inverse {
             let force = inverse(&axis, recording, track);
-            let samples = force.iter().zip(&recording.u);
-            let samples: Vec<Sums> = samples.map(|(f, u)| of_force(*f, *u)).collect();
-            train.extend(&samples[..boundary]);
-            held_out.extend(&samples[boundary..]);
-            all.extend(samples);
+            let samples = force[range.clone()].iter().zip(&recording.u[range]);
+            all.extend(samples.map(|(f, u)| of_force(*f, *u)));
             continue;
         }
         let along = Along::new(&axis, track);
-        let over = |horizon: f64, range: std::ops::Range<usize>| {
-            windows(&recording.t, horizon, range)
-                .map(|samples| window(&axis, recording, track, &along, samples))
-        };
-        train.extend(over(HORIZON, 0..boundary));
-        held_out.extend(over(HORIZON, boundary..recording.len()));
-        if whole {
-            all.extend(over(f64::INFINITY, 0..recording.len()));
-        }
+        let windows: Vec<_> = windows(&recording.t, horizon, range).collect();
+        let sums = windows.into_par_iter();
+        all.par_extend(sums.map(|samples| window(&axis, recording, track, &along, samples)));
     }
-    Ok((Parts { train, held_out }, all))
+    Ok(all)
 }
 
 /// A range of samples cut into windows of a length in seconds.
-fn windows(
-    t: &[f64],
-    horizon: f64,
-    range: std::ops::Range<usize>,
-) -> impl Iterator<Item = std::ops::Range<usize>> {
+fn windows(t: &[f64], horizon: f64, range: Range<usize>) -> impl Iterator<Item = Range<usize>> {
     let mut first = range.start;
     std::iter::from_fn(move || {
         let end = (first < range.end).then(|| window_end(t, first, horizon).min(range.end))?;
@@ -270,7 +300,7 @@ pub fn window(
     recording: &Recording,
     track: &Track,
     along: &Along,
-    samples: std::ops::Range<usize>,
+    samples: Range<usize>,
 ) -> Sums {
     let positions = recording.q.is_some();
     let measured = recording.measured();

@@ -58,6 +58,18 @@ impl Gram {
         }
     }
 
+    /// With zeros for more columns after its own.
+    fn grown(&self, n: usize) -> Self {
+        let had = self.xy.len();
+        let mut grown = Self {
+            yy: self.yy,
+            ..Self::zero(n)
+        };
+        grown.xx.view_mut((0, 0), (had, had)).copy_from(&self.xx);
+        grown.xy.rows_mut(0, had).copy_from(&self.xy);
+        grown
+    }
+
     /// Norm of each column.
     fn scale(&self) -> Vec<f64> {
         self.xx
@@ -84,13 +96,113 @@ impl Gram {
     }
 }
 
-/// Fits `response ≈ columns·β` over the rows that have a block and scores it.
+/// Products of a response and columns with each other over each block of rows.
 ///
-/// `errors` names a column that carries noise of a known energy (over all rows): it is taken off the normal equations,
-/// which removes the attenuation that it would cause (Fuller, Measurement Error Models, 1987, sec. 2.2).
-///
-/// `blocks[k]` is the block of row `k`, `None` for rows that no fit may see; blocks are dealt out in turn to [`FOLDS`] folds.
-/// Returns `None` when the columns do not determine β.
+/// `blocks[k]` is the block of row `k`, `None` for rows that no fit may see.
+#[derive(Clone)]
+pub struct Products {
+    grams: Vec<Gram>,
+    sizes: Vec<usize>,
+}
+
+impl Products {
+    /// Of some columns; `None` if no row has a block.
+    pub fn new(response: &[f64], columns: &[&[f64]], blocks: &[Option<usize>]) -> Option<Self> {
+        let count = blocks.iter().flatten().max()? + 1;
+        let mut empty = Self {
+            grams: vec![Gram::zero(0); count],
+            sizes: vec![0; count],
+        };
+        for (y, block) in response.iter().zip(blocks) {
+            let Some(block) = *block else { continue };
+            empty.sizes[block] += 1;
+            empty.grams[block].yy += y * y;
+        }
+        Some(empty.with(response, columns, blocks))
+    }
+
+    /// The same with more columns: those it has come first in `columns`.
+    #[must_use]
+    pub fn with(&self, response: &[f64], columns: &[&[f64]], blocks: &[Option<usize>]) -> Self {
+        let n = columns.len();
+        let had = self.grams.first().map_or(n, |gram| gram.xy.len());
+        let mut grams: Vec<Gram> = self.grams.iter().map(|gram| gram.grown(n)).collect();
+        let mut x = vec![0.0; n];
+        for (row, block) in blocks.iter().enumerate() {
+            let Some(block) = *block else { continue };
+            let gram = &mut grams[block];
+            x.iter_mut().zip(columns).for_each(|(x, c)| *x = c[row]);
+            for j in had..n {
+                gram.xy[j] += x[j] * response[row];
+                let xj = x[j];
+                let column = &mut gram.xx.as_mut_slice()[j * n..=j * n + j];
+                column.iter_mut().zip(&x).for_each(|(g, xi)| *g += xi * xj);
+            }
+        }
+        let lower = |gram: &mut Gram| gram.xx.fill_lower_triangle_with_upper_triangle();
+        grams.iter_mut().for_each(lower);
+        Self {
+            grams,
+            sizes: self.sizes.clone(),
+        }
+    }
+
+    /// Fits `response ≈ columns·β` and scores it.
+    ///
+    /// `errors` names a column that carries noise of a known energy (over all rows): it is taken off the normal equations,
+    /// which removes the attenuation that it would cause (Fuller, Measurement Error Models, 1987, sec. 2.2).
+    ///
+    /// Blocks are dealt out in turn to [`FOLDS`] folds. Returns `None` when the columns do not determine β.
+    pub fn score(mut self, ridge: f64, errors: Option<(usize, f64)>) -> Option<Score> {
+        let rows = self.sizes.iter().sum::<usize>() as f64;
+        if let Some((column, energy)) = errors {
+            for (gram, size) in self.grams.iter_mut().zip(&self.sizes) {
+                gram.xx[(column, column)] -= *size as f64 / rows * energy;
+            }
+        }
+        let (grams, count) = (&self.grams, self.grams.len());
+        let n = grams.first()?.xy.len();
+        let sum = |grams: &mut dyn Iterator<Item = &Gram>| {
+            grams.fold(Gram::zero(n), |mut sum, gram| {
+                sum.xx += &gram.xx;
+                sum.xy += &gram.xy;
+                sum.yy += gram.yy;
+                sum
+            })
+        };
+        let total = sum(&mut grams.iter());
+        // Columns keep the norms of all rows: one that vanishes outside a fold must not blow up rounding errors.
+        let scale = total.scale();
+        let beta = total.solve(ridge, &scale)?;
+        let mut by_block = vec![0.0; count];
+        let mut folds = Vec::with_capacity(FOLDS);
+        for fold in 0..FOLDS.min(count) {
+            let own = sum(&mut grams.iter().skip(fold).step_by(FOLDS));
+            let others = Gram {
+                xx: &total.xx - &own.xx,
+                xy: &total.xy - &own.xy,
+                yy: 0.0,
+            };
+            let beta = others.solve(ridge, &scale)?;
+            for block in (fold..count).step_by(FOLDS) {
+                by_block[block] = grams[block].residual(&beta);
+            }
+            folds.push(beta);
+        }
+        let by_block: Vec<f64> = (by_block.into_iter().zip(&self.sizes))
+            .filter_map(|(error, size)| (*size > 0).then_some(error))
+            .collect();
+        Some(Score {
+            chi2: total.residual(&beta),
+            beta,
+            cross_validated: by_block.iter().sum(),
+            by_block,
+            folds,
+        })
+    }
+}
+
+/// Fits `response ≈ columns·β` over the rows that have a block: see [`Products::score`].
 pub fn score(
     response: &[f64],
     columns: &[&[f64]],
@@ -98,69 +210,7 @@ pub fn score(
     ridge: f64,
     errors: Option<(usize, f64)>,
 ) -> Option<Score> {
-    let n = columns.len();
-    let count = blocks.iter().flatten().max()? + 1;
-    let mut grams = vec![Gram::zero(n); count];
-    let mut sizes = vec![0_usize; count];
-    let mut x = vec![0.0; n];
-    for (row, block) in blocks.iter().enumerate() {
-        let Some(block) = *block else { continue };
-        sizes[block] += 1;
-        let gram = &mut grams[block];
-        x.iter_mut().zip(columns).for_each(|(x, c)| *x = c[row]);
-        let y = response[row];
-        gram.yy += y * y;
-        for j in 0..n {
-            gram.xy[j] += x[j] * y;
-            let xj = x[j];
-            let column = &mut gram.xx.as_mut_slice()[j * n..=j * n + j];
-            column.iter_mut().zip(&x).for_each(|(g, xi)| *g += xi * xj);
-        }
-    }
-    let rows = sizes.iter().sum::<usize>() as f64;
-    for (gram, size) in grams.iter_mut().zip(&sizes) {
-        if let Some((column, energy)) = errors {
-            gram.xx[(column, column)] -= *size as f64 / rows * energy;
-        }
-        gram.xx.fill_lower_triangle_with_upper_triangle();
-    }
-    let sum = |grams: &mut dyn Iterator<Item = &Gram>| {
-        grams.fold(Gram::zero(n), |mut sum, gram| {
-            sum.xx += &gram.xx;
-            sum.xy += &gram.xy;
-            sum.yy += gram.yy;
-            sum
-        })
-    };
-    let total = sum(&mut grams.iter());
-    // Columns keep the norms of all rows: one that vanishes outside a fold must not blow up rounding errors.
-    let scale = total.scale();
-    let beta = total.solve(ridge, &scale)?;
-    let mut by_block = vec![0.0; count];
-    let mut folds = Vec::with_capacity(FOLDS);
-    for fold in 0..FOLDS.min(count) {
-        let own = sum(&mut grams.iter().skip(fold).step_by(FOLDS));
-        let others = Gram {
-            xx: &total.xx - &own.xx,
-            xy: &total.xy - &own.xy,
-            yy: 0.0,
-        };
-        let beta = others.solve(ridge, &scale)?;
-        for block in (fold..count).step_by(FOLDS) {
-            by_block[block] = grams[block].residual(&beta);
-        }
-        folds.push(beta);
-    }
-    let by_block: Vec<f64> = (by_block.into_iter().zip(sizes))
-        .filter_map(|(error, size)| (size > 0).then_some(error))
-        .collect();
-    Some(Score {
-        chi2: total.residual(&beta),
-        beta,
-        cross_validated: by_block.iter().sum(),
-        by_block,
-        folds,
-    })
+    Products::new(response, columns, blocks)?.score(ridge, errors)
 }
 
 /// Scalar product of two slices of equal length.
@@ -168,6 +218,22 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     let length = a.len();
     let view = nalgebra::DVectorView::from_slice;
     view(a, length).dot(&view(b, length))
+}
+
+/// The same of one slice with several columns that lie side by side, each summed in the order in which [`dot`] sums.
+pub fn dots<const N: usize>(a: &[f64], columns: &[[f64; N]]) -> [f64; N] {
+    let mut sums = [[0.0; N]; 8];
+    let (eights, others) = (a.chunks_exact(8), columns.chunks_exact(8));
+    let tail = eights.remainder().iter().zip(others.remainder());
+    for (a, columns) in eights.zip(others) {
+        for (sum, (a, row)) in sums.iter_mut().zip(a.iter().zip(columns)) {
+            (0..N).for_each(|k| sum[k] += a * row[k]);
+        }
+    }
+    std::array::from_fn(|k| {
+        let sum = (0..4).fold(0.0, |sum, i| sum + (sums[i][k] + sums[i + 4][k]));
+        tail.clone().fold(sum, |sum, (a, row)| sum + a * row[k])
+    })
 }
 
 /// `response − columns·β` of every row, over as many columns as β has entries.
@@ -182,7 +248,7 @@ pub fn residual(response: &[f64], columns: &[&[f64]], beta: &DVector<f64>) -> Ve
 
 #[cfg(test)]
 mod tests {
-    use super::{FOLDS, score};
+    use super::{FOLDS, dot, dots, score};
     use rand::{Rng, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
@@ -246,6 +312,17 @@ mod tests {
         let error: f64 = (1200..1300).map(|k| (y[k] - xy / xx * x[k]).powi(2)).sum();
         // Block 7 is missing before it.
         assert!((scored.by_block[11] - error).abs() < 1e-9 * error);
+    }
+
+    /// To the last bit, so that what is computed side by side is what was computed alone.
+    #[test]
+    fn scalar_products_side_by_side_are_those_alone() {
+        let (a, b, c) = (noise(8), noise(9), noise(10));
+        let pairs: Vec<[f64; 2]> = b.iter().zip(&c).map(|(b, c)| [*b, *c]).collect();
+        for n in 0..50 {
+            let alone = [dot(&a[..n], &b[..n]), dot(&a[..n], &c[..n])];
+            assert_eq!(dots(&a[..n], &pairs[..n]), alone);
+        }
     }
 
     #[test]

@@ -42,6 +42,7 @@ pub struct Law {
 #[derive(Clone, Debug)]
 struct Block {
     start: usize,
+    part: Part,
     lines: Vec<Line>,
 }
 
@@ -122,16 +123,54 @@ impl Noise {
 
     /// Whitened values, one for each row.
     pub fn whiten(&self, rows: &[f64]) -> Vec<f64> {
-        let mut out = vec![0.0; rows.len()];
-        for block in &self.blocks {
+        let [whitened] = self.side_by_side([rows], &|_| true);
+        whitened
+    }
+
+    /// The same of several columns: the same values in less time.
+    pub fn whiten_all<'a>(&self, columns: impl IntoIterator<Item = &'a [f64]>) -> Vec<Vec<f64>> {
+        self.in_pairs(columns, &|_| true)
+    }
+
+    /// The same with zeros in the rows of the held-out part, of which a fit sees nothing.
+    pub fn whiten_training<'a>(
+        &self,
+        columns: impl IntoIterator<Item = &'a [f64]>,
+    ) -> Vec<Vec<f64>> {
+        self.in_pairs(columns, &|part| part == Part::Train)
+    }
+
+    fn in_pairs<'a>(
+        &self,
+        columns: impl IntoIterator<Item = &'a [f64]>,
+        wanted: &dyn Fn(Part) -> bool,
+    ) -> Vec<Vec<f64>> {
+        let columns: Vec<&[f64]> = columns.into_iter().collect();
+        let (pairs, rest) = columns.as_chunks();
+        let pairs = pairs
+            .iter()
+            .map(|pair| self.side_by_side::<2>(*pair, wanted));
+        let rest = rest.iter().flat_map(|c| self.side_by_side([*c], wanted));
+        pairs.flatten().chain(rest).collect()
+    }
+
+    /// Each row waits for the one before it, and columns wait together.
+    fn side_by_side<const N: usize>(
+        &self,
+        columns: [&[f64]; N],
+        wanted: &dyn Fn(Part) -> bool,
+    ) -> [Vec<f64>; N] {
+        let mut out = vec![[0.0; N]; columns[0].len()];
+        for block in self.blocks.iter().filter(|block| wanted(block.part)) {
             for (i, line) in block.lines.iter().enumerate() {
                 let at = block.start + i;
-                let past = linear::dot(&line.past, &out[at - line.past.len()..at]);
-                out[at] = rows[at] / self.sigma[at] * line.scale - past;
+                let past = linear::dots(&line.past, &out[at - line.past.len()..at]);
+                let row = |k: usize| columns[k][at] / self.sigma[at] * line.scale - past[k];
+                out[at] = std::array::from_fn(row);
             }
         }
-        out.iter_mut().zip(&self.weight).for_each(|(x, w)| *x *= w);
-        out
+        let rows = || out.iter().zip(&self.weight);
+        std::array::from_fn(|k| rows().map(|(x, w)| x[k] * w).collect())
     }
 }
 
@@ -288,6 +327,7 @@ fn blocks(problem: &Problem, correlation: &[f64]) -> Vec<Block> {
     let lines = |factor: Vec<Vec<f64>>| factor.iter().map(|line| Line::new(line)).collect();
     let block = |(start, factor)| Block {
         start,
+        part: problem.rows[start].part,
         lines: lines(factor),
     };
     blocks.into_iter().map(block).collect()

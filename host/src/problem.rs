@@ -1,11 +1,12 @@
 //! The weak form of one axis over all its recordings: rows, and the columns of every term.
 
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
-use crate::effects::{Effect, Inner, Path, Point, Survey};
+use crate::effects::{Effect, Inner, Path, Point, Survey, Wave};
 use crate::model::Model;
 use crate::motion::Motion;
+use crate::phasor;
 use crate::recording::Recording;
 use crate::weak::{Balance, Bent, Part, Track, Windows};
 
@@ -59,6 +60,19 @@ impl Direction {
     }
 }
 
+/// What the columns of an effect are cached by.
+fn key(
+    effect: &'static dyn Effect,
+    inner: Inner,
+    direction: &Direction,
+    path: Option<&Path>,
+) -> Key {
+    let mut key = inner.map(f64::to_bits).to_vec();
+    key.extend(direction.bristled);
+    key.extend(path.into_iter().flat_map(Path::bits));
+    (effect.id(), key)
+}
+
 /// What a mutex guards; entries are written whole, so a panic elsewhere leaves none half-made.
 fn hold<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
@@ -81,6 +95,7 @@ pub struct Problem {
     cache: Mutex<HashMap<Key, Vec<Column>>>,
     /// The last direction asked for: that of one set of bristles serves all columns of a model.
     direction: Mutex<Direction>,
+    survey: OnceLock<Survey>,
 }
 
 impl Problem {
@@ -114,6 +129,7 @@ impl Problem {
             acceleration: Arc::default(),
             cache: Mutex::default(),
             direction: Mutex::default(),
+            survey: OnceLock::new(),
         };
         problem.acceleration = Arc::new(problem.stack(|t, w| w.acceleration(&t.q)));
         problem
@@ -203,13 +219,61 @@ impl Problem {
         if effect.width() == 0 {
             return Vec::new();
         }
-        let mut key = inner.map(f64::to_bits).to_vec();
-        key.extend(direction.bristled);
         let path = effect.driven().then_some(path);
-        key.extend(path.into_iter().flat_map(Path::bits));
-        self.cached((effect.id(), key), || {
+        self.cached(key(effect, inner, direction, path), || {
             let basis = |at: Point, out: &mut [f64]| effect.basis(inner, at, out);
             self.signals(direction, path, effect.width(), basis)
+        })
+    }
+
+    /// Has the columns of an effect that is a wave ready for many values of its inner parameters.
+    pub fn waves(
+        &self,
+        effect: &'static dyn Effect,
+        inners: &[Inner],
+        direction: &Direction,
+        path: &Path,
+    ) {
+        let path = effect.driven().then_some(path);
+        let key = |inner: Inner| key(effect, inner, direction, path);
+        let known = |inner: Inner| hold(&self.cache).contains_key(&key(inner));
+        let waves = inners.iter().filter(|inner| !known(**inner));
+        let waves = waves.filter_map(|&inner| Some((inner, effect.wave(inner)?)));
+        let (inners, waves): (Vec<Inner>, Vec<Wave>) = waves.unzip();
+        let Some(first) = waves.first() else { return };
+        let numbers: Vec<f64> = waves.iter().map(|wave| wave.number).collect();
+        let mut columns = vec![[Vec::new(), Vec::new()]; numbers.len()];
+        for (index, (track, windows)) in self.tracks.iter().zip(&self.windows).enumerate() {
+            let cells = self.points(index, direction, path);
+            let (x, carrier): (Vec<f64>, Vec<f64>) = cells
+                .map(|at| ((first.coordinate)(&at), (first.carrier)(&at)))
+                .unzip();
+            let carried = |wave: &[f64]| {
+                let cells: Vec<f64> = wave.iter().zip(&carrier).map(|(w, c)| c * w).collect();
+                windows.hold(track, &cells)
+            };
+            let pairs = phasor::each(&numbers, &x, |sin, cos| [carried(sin), carried(cos)]);
+            for (columns, pair) in columns.iter_mut().zip(pairs) {
+                columns.iter_mut().zip(pair).for_each(|(c, p)| c.extend(p));
+            }
+        }
+        for (inner, columns) in inners.into_iter().zip(columns) {
+            self.cached(key(inner), || columns.into());
+        }
+    }
+
+    /// The cells of a track as effects see them, under the input that a path passes if there is one.
+    fn points(
+        &self,
+        index: usize,
+        direction: &Direction,
+        path: Option<&Path>,
+    ) -> impl Iterator<Item = Point> {
+        let track = &self.tracks[index];
+        let input = path.map_or(Vec::new(), |path| track.input(path));
+        track.cells.iter().enumerate().map(move |(k, &cell)| {
+            let at = input.get(k).map_or(cell, |&u| track.driven(k, u));
+            direction.point(index, k, at)
         })
     }
 
@@ -225,11 +289,9 @@ impl Problem {
         let mut columns = vec![Vec::with_capacity(self.rows.len()); width];
         let mut out = vec![0.0; width];
         for (index, (track, windows)) in self.tracks.iter().zip(&self.windows).enumerate() {
-            let input = path.map_or(Vec::new(), |path| track.input(path));
             let mut signals = vec![Vec::with_capacity(track.cells.len()); width];
-            for (k, &cell) in track.cells.iter().enumerate() {
-                let at = input.get(k).map_or(cell, |&u| track.driven(k, u));
-                basis(direction.point(index, k, at), &mut out);
+            for at in self.points(index, direction, path) {
+                basis(at, &mut out);
                 signals.iter_mut().zip(&out).for_each(|(s, b)| s.push(*b));
             }
             for (column, signal) in columns.iter_mut().zip(&signals) {
@@ -279,10 +341,17 @@ impl Problem {
     /// # Panics
     /// Without a single recording.
     pub fn survey(&self, model: &Model) -> Survey {
+        Survey {
+            coulomb: model.coulomb.value.unwrap_or_default(),
+            ..*self.survey.get_or_init(|| self.all_tracks())
+        }
+    }
+
+    fn all_tracks(&self) -> Survey {
         let widths = self.half_widths();
         let surveys = self.tracks.iter().zip(widths);
         let surveys = surveys.map(|(t, half_width)| t.survey(self.motion, half_width));
-        let all = surveys
+        surveys
             .reduce(|a, b| Survey {
                 motion: a.motion,
                 period: a.period.min(b.period),
@@ -295,11 +364,7 @@ impl Problem {
                 position_noise: a.position_noise.max(b.position_noise),
                 coulomb: a.coulomb,
             })
-            .expect("at least one recording");
-        Survey {
-            coulomb: model.coulomb.value.unwrap_or_default(),
-            ..all
-        }
+            .expect("at least one recording")
     }
 
     /// Time at the centre of a row, s.

@@ -1,6 +1,7 @@
 //! Joint refinement of all unknown parameters on the whitened rows, and their standard errors.
 
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
 use crate::model::Model;
 use crate::noise::Noise;
@@ -94,7 +95,7 @@ fn descend(
     model: &mut Model,
     noise: &Noise,
     blocks: &[Option<usize>],
-    evaluate: &impl Fn(&Model) -> DVector<f64>,
+    evaluate: &(impl Fn(&Model) -> DVector<f64> + Sync),
 ) -> (Normal, f64) {
     let objective = Objective {
         evaluate,
@@ -167,7 +168,7 @@ fn sums(
     model: &Model,
     residual: &DVector<f64>,
     clusters: &[usize],
-    evaluate: &impl Fn(&Model) -> DVector<f64>,
+    evaluate: &(impl Fn(&Model) -> DVector<f64> + Sync),
 ) -> Normal {
     let jacobian = jacobian(model, &free_parameters(model), evaluate);
     let drive = derivative(model, GAIN, evaluate) * model.gain.value.unwrap_or(1.0);
@@ -198,7 +199,7 @@ struct Objective<'a, F> {
     encoder_energy: f64,
 }
 
-impl<F: Fn(&Model) -> DVector<f64>> Objective<'_, F> {
+impl<F: Fn(&Model) -> DVector<f64> + Sync> Objective<'_, F> {
     fn value(&self, model: &Model, residual: &DVector<f64>) -> f64 {
         less_encoder(residual.norm_squared(), model, self.encoder_energy)
     }
@@ -263,10 +264,10 @@ pub fn free_parameters(model: &Model) -> Vec<usize> {
 fn jacobian(
     model: &Model,
     free: &[usize],
-    evaluate: &impl Fn(&Model) -> DVector<f64>,
+    evaluate: &(impl Fn(&Model) -> DVector<f64> + Sync),
 ) -> DMatrix<f64> {
     let columns: Vec<_> = free
-        .iter()
+        .par_iter()
         .map(|&k| derivative(model, k, evaluate))
         .collect();
     if columns.is_empty() {

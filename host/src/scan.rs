@@ -1,12 +1,13 @@
 //! The search for the inner parameters of one more effect on top of a model.
 
-use nalgebra::Complex;
+use rayon::prelude::*;
 
 use crate::effects::{Effect, Inner, Search, Survey};
 use crate::error::Result;
-use crate::linear::{self, Score};
+use crate::linear::{self, Products, Score};
 use crate::model::{Model, Term};
 use crate::noise::Noise;
+use crate::phasor;
 use crate::problem::Problem;
 use crate::projection::Projection;
 use crate::system::{self, System};
@@ -21,6 +22,7 @@ pub struct Ground<'a> {
     inertias: Option<Inertias>,
     /// The whitened system of the model.
     pub system: System,
+    products: Products,
     /// Its score.
     pub score: Score,
     /// What the recordings cover.
@@ -70,13 +72,16 @@ impl<'a> Ground<'a> {
         inertias: Option<Inertias>,
     ) -> Result<Option<Self>> {
         let system = System::new(problem, model)?.whitened(noise);
-        Ok(system.score(blocks).map(|score| Self {
+        let products = system.products(blocks);
+        let scored = products.and_then(|p| Some((system.score_of(p.clone(), 0.0)?, p)));
+        Ok(scored.map(|(score, products)| Self {
             problem,
             noise,
             blocks,
             model,
             inertias,
             system,
+            products,
             score,
             survey: problem.survey(model),
         }))
@@ -95,9 +100,13 @@ impl<'a> Ground<'a> {
     fn on_grid(&self, term: &Term) -> Result<Option<Found>> {
         let second = term.effect.shape().map_or(0.0, |(_, start)| start);
         let grid = term.effect.grid(&self.survey);
+        self.prepare(term, &grid, second);
+        let scores: Vec<Option<Score>> = grid
+            .par_iter()
+            .map(|&first| self.with(term, [first, second]))
+            .collect::<Result<_>>()?;
         let mut best: Option<(usize, Found)> = None;
-        for (k, &first) in grid.iter().enumerate() {
-            let score = self.with(term, [first, second])?;
+        for (k, (&first, score)) in grid.iter().zip(scores).enumerate() {
             let Some(score) = score else { continue };
             if best.as_ref().is_none_or(|(_, b)| score.chi2 < b.score.chi2) {
                 let found = Found {
@@ -120,6 +129,19 @@ impl<'a> Ground<'a> {
             self.refine(term, 0, bracket, &mut found)?;
         }
         Ok(Some(found))
+    }
+
+    /// Has the columns of a term ready over a whole grid of its scanned parameter, where they cost less together.
+    fn prepare(&self, term: &Term, grid: &[f64], second: f64) {
+        let inner = |&first: &f64| {
+            let mut term = term.clone();
+            set_inner(&mut term, [first, second]);
+            let values = system::values(&term);
+            term.effect.linear(&values, self.model.scale()).0
+        };
+        let inners: Vec<Inner> = grid.iter().map(inner).collect();
+        let (direction, path) = (self.problem.direction(self.model), system::path(self.model));
+        self.problem.waves(term.effect, &inners, &direction, &path);
     }
 
     /// All intervals between the borders of equal blocks of time: with the projected columns of the blocks at hand, the
@@ -165,9 +187,7 @@ impl<'a> Ground<'a> {
         let (from, to) = (TRAIN_SHARE * self.survey.duration, self.survey.duration);
         let mut model = self.model_with(term, found.inner);
         let columns = system::columns(self.problem, &model, &model.terms[model.terms.len() - 1]);
-        let system = self
-            .system
-            .extended(&model, &columns, |c| self.noise.whiten(c));
+        let system = self.system.extended(&model, &columns, self.noise);
         system.decode(&found.score.beta, &mut model);
         let error = |off: f64| -> f64 {
             let mut model = model.clone();
@@ -221,41 +241,27 @@ impl<'a> Ground<'a> {
     /// The frequency at which a sine and a cosine in time take most off the residual, of frequencies that are equally far
     /// apart.
     pub fn strongest_line(&self, frequencies: &[f64]) -> Option<f64> {
+        frequencies.get(1)?;
         let projection = self.projection();
-        let (&first, &second) = (frequencies.first()?, frequencies.get(1)?);
-        // From one frequency to the next every row turns by the same angle: a product in place of a sine and a cosine.
-        let turns = self.phasors(second - first);
-        let mut phasors = self.phasors(first);
-        let gains = frequencies.iter().map(|&hertz| {
-            let gain = projection.gain(&self.whitened(&phasors));
-            for (phasor, turn) in phasors.iter_mut().zip(&turns) {
-                *phasor *= turn;
-            }
-            (gain, hertz)
-        });
-        gains.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, f)| f)
+        let gain =
+            |sin: &[f64], cos: &[f64]| projection.gain(&self.noise.whiten_training([sin, cos]));
+        let gains = phasor::each(&angular(frequencies), &self.times(), gain);
+        let gains = gains.into_iter().zip(frequencies);
+        gains.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, f)| *f)
     }
 
     /// Whitened sine and cosine in time, by their values at the centres of the windows.
     pub fn line(&self, hertz: f64) -> Vec<Vec<f64>> {
-        self.whitened(&self.phasors(hertz))
+        let line = |sin: &[f64], cos: &[f64]| self.noise.whiten_all([sin, cos]);
+        let lines = phasor::each(&angular(&[hertz]), &self.times(), line);
+        lines.into_iter().flatten().collect()
     }
 
-    /// `e^(iωt)` at the centres of the windows.
-    fn phasors(&self, hertz: f64) -> Vec<Complex<f64>> {
-        let at = |row: &crate::problem::Row| {
-            let time = row.centre as f64 * self.problem.tracks[row.track].period;
-            Complex::cis(std::f64::consts::TAU * hertz * time)
-        };
+    /// Times of the centres of the windows, from the first sample on.
+    fn times(&self) -> Vec<f64> {
+        let at =
+            |row: &crate::problem::Row| row.centre as f64 * self.problem.tracks[row.track].period;
         self.problem.rows.iter().map(at).collect()
-    }
-
-    fn whitened(&self, phasors: &[Complex<f64>]) -> Vec<Vec<f64>> {
-        let part = |of: fn(&Complex<f64>) -> f64| {
-            let column: Vec<f64> = phasors.iter().map(of).collect();
-            self.noise.whiten(&column)
-        };
-        vec![part(|z| z.im), part(|z| z.re)]
     }
 
     /// Where a term can move the whitened residual to: its columns, or, of a term that changes the way of the input, by how
@@ -301,22 +307,30 @@ impl<'a> Ground<'a> {
             return Vec::new();
         };
         let columns = system::columns(self.problem, model, term);
-        columns.iter().map(|c| self.noise.whiten(c)).collect()
+        self.noise
+            .whiten_training(columns.iter().map(|c| c.as_slice()))
     }
 
     /// The score of the model with a term, if physics allows the coefficients that it comes out with.
     fn with(&self, term: &Term, inner: Inner) -> Result<Option<Score>> {
         let mut model = self.model_with(term, inner);
-        let system = if term.effect.width() == 0 {
-            System::new(self.problem, &model)?.whitened(self.noise)
+        let (system, score);
+        if term.effect.width() == 0 {
+            system = System::new(self.problem, &model)?.whitened(self.noise);
+            score = system.score(self.blocks);
         } else {
             let columns =
                 system::columns(self.problem, &model, &model.terms[model.terms.len() - 1]);
-            self.system
-                .extended(&model, &columns, |c| self.noise.whiten(c))
-        };
-        let score = system.score(self.blocks);
+            system = self.system.extended(&model, &columns, self.noise);
+            score = system.score_of(self.products_with(&system.columns_and([])), 0.0);
+        }
         Ok(score.filter(|s| system.decode(&s.beta, &mut model) && self.plausible(&model)))
+    }
+
+    /// The products of the model's columns with others, which come after them in `columns`.
+    pub fn products_with(&self, columns: &[&[f64]]) -> Products {
+        let response = &self.system.response;
+        self.products.with(response, columns, self.blocks)
     }
 
     /// Whether a term left the inertia what it was, within reason: one next to proportional to the drive can take the
@@ -372,6 +386,11 @@ impl<'a> Ground<'a> {
         }
         Ok(())
     }
+}
+
+/// Angular frequencies.
+fn angular(hertz: &[f64]) -> Vec<f64> {
+    hertz.iter().map(|f| std::f64::consts::TAU * f).collect()
 }
 
 /// Gives the inner parameters that a term leaves open values, within its bounds.

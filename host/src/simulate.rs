@@ -99,22 +99,27 @@ impl From<State> for Start {
 }
 
 /// Runs a mechanism from sample `first`, where an encoder sees `from` and all else is as `state` says, to sample `last`;
-/// one state for each sample, `from` included.
+/// one state for each sample, `from` included. `None` once there is one that may not be.
 fn run<const N: usize>(
     plant: &impl Mechanism<N>,
     recording: &Recording,
     (first, last): (usize, usize),
     from: State,
     mut state: Memory<N>,
-) -> Vec<State> {
+    may: impl Fn(&State) -> bool,
+) -> Option<Vec<State>> {
     let mut states = Vec::with_capacity(last - first + 1);
     states.push(from);
     let mut hold = Hold::at(&recording.t, &recording.u, first, &plant.path());
     for k in first..last {
         state = hold.advance(plant, (&recording.t, &recording.u), k, 0.0, state);
-        states.push(plant.measured(&state.x));
+        let seen = plant.measured(&state.x);
+        if !may(&seen) {
+            return None;
+        }
+        states.push(seen);
     }
-    states
+    may(&from).then_some(states)
 }
 
 /// Runs an axis, with the load behind its measured side if it has one, from sample `first` to sample `last`; one state for
@@ -126,13 +131,23 @@ pub fn run_axis(
     last: usize,
     start: impl Into<Start>,
 ) -> Vec<State> {
+    run_axis_while(axis, recording, (first, last), start, |_| true).unwrap_or_default()
+}
+
+/// The same as long as every state may be; `None` from the first one on that may not.
+pub fn run_axis_while(
+    axis: &Axis,
+    recording: &Recording,
+    samples: (usize, usize),
+    start: impl Into<Start>,
+    may: impl Fn(&State) -> bool,
+) -> Option<Vec<State>> {
     let start = start.into();
-    let samples = (first, last);
     let bent = |z: f64| start.bend.unwrap_or(z);
     let Some(coupling) = axis.coupling else {
         let Memory { x, z } = Memory::at_ease(axis, start.state);
         let memory = Memory { x, z: bent(z) };
-        return run(axis, recording, samples, start.state, memory);
+        return run(axis, recording, samples, start.state, memory, may);
     };
     let loaded = Loaded::new(axis, coupling);
     let Memory { mut x, z } = Memory::at_ease(&loaded, start.state);
@@ -140,7 +155,7 @@ pub fn run_axis(
         [x[2], x[3]] = load;
     }
     let memory = Memory { x, z: bent(z) };
-    run(&loaded, recording, samples, start.state, memory)
+    run(&loaded, recording, samples, start.state, memory, may)
 }
 
 /// Advances an axis whose law has no state by `h` seconds under a constant drive.

@@ -12,7 +12,7 @@ use nalgebra::DVector;
 
 use crate::effects::{Effect, Path, Seat};
 use crate::error::{Error, Result};
-use crate::linear::{self, FOLDS, Score};
+use crate::linear::{FOLDS, Products, Score};
 use crate::model::{Causality, Model, Parameter, Term};
 use crate::noise::Noise;
 use crate::problem::{Column, Problem, Response};
@@ -56,7 +56,7 @@ pub struct System {
 /// Blocks of the training rows, which are dealt out in turn to the folds of a cross-validation, last this many seconds.
 const BLOCK: f64 = 1.2;
 
-/// The block of every training row, numbered through all recordings, see [`linear::score`]; `None` for held-out rows.
+/// The block of every training row, numbered through all recordings, see [`Products::score`]; `None` for held-out rows.
 pub fn blocks(problem: &Problem) -> Vec<Option<usize>> {
     let mut first = 0;
     let starts: Vec<(usize, f64)> = problem
@@ -204,31 +204,33 @@ impl System {
     pub fn whitened(&self, noise: &Noise) -> Self {
         Self {
             response: noise.whiten(&self.response),
-            columns: self.columns.iter().map(|c| noise.whiten(c)).collect(),
+            columns: noise.whiten_all(self.columns_and([])),
             errors: self
                 .unknowns
                 .iter()
                 .position(|u| *u == Unknown::Inertia)
                 .map(|k| (k, noise.encoder_energy)),
-            ..self.clone()
+            unknowns: self.unknowns.clone(),
+            factors: self.factors,
+            emphasis: self.emphasis,
         }
     }
 
-    /// The system with the [`columns`] of the last term of a model, which it does not have yet; `whiten` is applied to
-    /// them.
+    /// The system, which is whitened, with the [`columns`] of the last term of a model, which it does not have yet; these
+    /// over the training rows alone.
     #[must_use]
-    pub fn extended(
-        &self,
-        model: &Model,
-        columns: &[Column],
-        whiten: impl Fn(&[f64]) -> Vec<f64>,
-    ) -> Self {
+    pub fn extended(&self, model: &Model, columns: &[Column], noise: &Noise) -> Self {
         let mut system = self.clone();
         let term = model.terms.len() - 1;
         let sensor = model.terms[term].effect.seat() == Seat::Sensor;
-        for (index, column) in columns.iter().enumerate() {
-            let factor = self.factors[usize::from(sensor)];
-            system.columns.push(whiten(&scaled(column, factor)));
+        let factor = self.factors[usize::from(sensor)];
+        let columns: Vec<Vec<f64>> = columns.iter().map(|c| scaled(c, factor)).collect();
+        for (index, column) in noise
+            .whiten_training(columns.iter().map(Vec::as_slice))
+            .into_iter()
+            .enumerate()
+        {
+            system.columns.push(column);
             system.unknowns.push(unknown(sensor, term, index));
         }
         system
@@ -250,18 +252,18 @@ impl System {
 
     /// Fits the system over the rows that have a block, with the [`emphasis`] of its model.
     pub fn score(&self, blocks: &[Option<usize>]) -> Option<Score> {
-        self.score_with([], blocks, 0.0)
+        self.score_of(self.products(blocks)?, 0.0)
     }
 
-    /// The same with other columns beside its own, and a ridge: see [`linear::score`].
-    pub fn score_with<'a>(
-        &'a self,
-        others: impl IntoIterator<Item = &'a [f64]>,
-        blocks: &[Option<usize>],
-        ridge: f64,
-    ) -> Option<Score> {
-        let columns = self.columns_and(others);
-        let score = linear::score(&self.response, &columns, blocks, ridge, self.errors);
+    /// What a fit of the system over the rows that have a block needs of them.
+    pub fn products(&self, blocks: &[Option<usize>]) -> Option<Products> {
+        Products::new(&self.response, &self.columns_and([]), blocks)
+    }
+
+    /// A fit with the [`emphasis`] of the model, by the products of its columns, perhaps with others after them, and with
+    /// a ridge: see [`Products::score`].
+    pub fn score_of(&self, products: Products, ridge: f64) -> Option<Score> {
+        let score = products.score(ridge, self.errors);
         score.map(|score| score.times(self.emphasis * self.emphasis))
     }
 

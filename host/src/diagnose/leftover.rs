@@ -1,5 +1,7 @@
 //! What a model leaves for functions that know no physics.
 
+use rayon::prelude::*;
+
 use super::select::SOUGHT;
 use super::trial::{Base, Generic};
 use crate::effects::Path;
@@ -44,7 +46,9 @@ pub(super) fn of(bench: &Workbench, model: &Model) -> Result<Leftover> {
         .map(|g| {
             (
                 g.coordinate,
-                g.columns.iter().map(|c| bench.noise.whiten(c)).collect(),
+                bench
+                    .noise
+                    .whiten_all(g.columns.iter().map(|c| c.as_slice())),
             )
         })
         .collect();
@@ -58,7 +62,7 @@ pub(super) fn of(bench: &Workbench, model: &Model) -> Result<Leftover> {
         groups.push((name, base.spells(carrier, &residual)));
     }
     let mut alone: Vec<(&'static str, Generic)> = groups
-        .iter()
+        .par_iter()
         .map(|(name, c)| (*name, base.generic(c)))
         .collect();
     alone.sort_by(|a, b| b.1.gain.total_cmp(&a.1.gain));

@@ -11,6 +11,7 @@ use crate::identify::Workbench;
 use crate::model::Model;
 use crate::recording::Recording;
 use crate::scan;
+use crate::weak::Part;
 
 /// Share by which the cross-validated squared error must fall: 10 % of the RMS error. Reversals and coloured noise
 /// leave artefacts that are statistically significant but stay below this on clean recordings; the rate of false
@@ -150,6 +151,8 @@ pub(super) fn trials(
 ) -> Result<Vec<Trial>> {
     let open = effects::ALL
         .par_iter()
+        // What takes longest may lie side by side.
+        .with_max_len(1)
         .filter(|e| fits_in(**e, model) && sought(**e));
     let tried: Result<Vec<Option<Trial>>> = open.map(|&effect| base.attempt(effect)).collect();
     let mut trials: Vec<Trial> = tried?.into_iter().flatten().collect();
@@ -209,11 +212,12 @@ fn rescued(
     if trial.gain.share >= FLOOR && confirm::HeldOut::of(bench, &with, model).shows_again() {
         return Ok(true);
     }
-    let after = fit::parts(&with, recordings, &bench.problem.tracks)?;
-    let halves = |before: fit::Error, after: fit::Error| {
-        after.nrmse * after.nrmse < 0.5 * before.nrmse * before.nrmse
+    let halves = |part: Part, before: fit::Error| -> Result<bool> {
+        let after = fit::part(part, &with, recordings, &bench.problem.tracks)?;
+        Ok(after.nrmse * after.nrmse < 0.5 * before.nrmse * before.nrmse)
     };
-    Ok(halves(before.train(), after.train()) && halves(before.held_out(), after.held_out()))
+    // The shorter part first.
+    Ok(halves(Part::HeldOut, before.held_out())? && halves(Part::Train, before.train())?)
 }
 
 /// Looks again at all effects but the one selected last, each under the windows that it was found with: drops those that are

@@ -15,6 +15,7 @@ use crate::identify::Workbench;
 use crate::model::Model;
 use crate::motion::Motion;
 use crate::recording::Recording;
+use crate::weak::Part;
 
 /// Windows so many times narrower are tried: they pass up to so many times the frequency. Encoder noise in the acceleration
 /// grows by its power 5/2.
@@ -153,9 +154,7 @@ fn fast_ones((selected, _): &Selection) -> impl Iterator<Item = &'static dyn Eff
 /// Whether held-out free runs are better with a load than without.
 fn predicts(with: &Model, without: &Model, fine: &Workbench, all: &[Recording]) -> Result<bool> {
     let error = |model: &Model| -> Result<f64> {
-        Ok(fit::parts(model, all, &fine.problem.tracks)?
-            .held_out()
-            .nrmse)
+        Ok(fit::part(Part::HeldOut, model, all, &fine.problem.tracks)?.nrmse)
     };
     Ok(error(with)? < LOAD_LEAVES * error(without)?)
 }

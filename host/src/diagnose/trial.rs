@@ -122,9 +122,8 @@ impl<'a> Base<'a> {
     /// What generic columns gain on top of the model.
     pub fn generic(&self, columns: &[Vec<f64>]) -> Generic {
         let system = &self.ground.system;
-        let columns = || columns.iter().map(Vec::as_slice);
-        let all = system.columns_and(columns());
-        let fitted = system.score_with(columns(), &self.bench.blocks, GENERIC_RIDGE);
+        let all = system.columns_and(columns.iter().map(Vec::as_slice));
+        let fitted = system.score_of(self.ground.products_with(&all), GENERIC_RIDGE);
         let Some(with) = fitted else {
             return Generic::default();
         };

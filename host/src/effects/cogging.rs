@@ -17,7 +17,7 @@
 //! # References
 //! D. Hanselman, Brushless Permanent Magnet Motor Design, 2006, ch. 5.
 
-use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Scale, Spec, Survey, cartesian, periodicities, polar};
+use super::{Confusion, Effect, Inner, Motion, Quantity, Scale, Spec, Survey, Wave, cartesian, periodicities, polar};
 use crate::format::{quantity, shortest};
 
 pub(super) struct Cogging;
@@ -76,8 +76,8 @@ impl Effect for Cogging {
         // One period a turn is gravity.
         periodicities(survey, 2)
     }
-    fn basis(&self, inner: Inner, at: Point, out: &mut [f64]) {
-        (out[0], out[1]) = (inner[0] * at.angle).sin_cos();
+    fn wave(&self, inner: Inner) -> Option<Wave> {
+        Some(Wave { number: inner[0], coordinate: |at| at.angle, carrier: |_| 1.0 })
     }
     fn named(&self, inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
         let [amplitude, phase] = polar(c);

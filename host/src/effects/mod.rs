@@ -11,10 +11,12 @@
 mod path;
 mod point;
 mod quantity;
+mod wave;
 
 pub use path::Path;
 pub use point::{Given, Moment, Point, Scale, Survey};
 pub use quantity::{Quantity, Spec};
+pub use wave::Wave;
 
 use crate::motion::Motion;
 
@@ -145,7 +147,16 @@ pub trait Effect: Sync {
         vec![0.0]
     }
     /// The resisting torque of each unit coefficient, into `out` (length [`Effect::width`]).
-    fn basis(&self, _inner: Inner, _at: Point, _out: &mut [f64]) {}
+    fn basis(&self, inner: Inner, at: Point, out: &mut [f64]) {
+        // Both places first, so that sine and cosine are computed in one.
+        if let (Some(wave), [sin, cos, ..]) = (self.wave(inner), out) {
+            (*sin, *cos) = wave.at(&at);
+        }
+    }
+    /// The wave that its basis is, if it is one: then many values of its scanned parameter are tried together.
+    fn wave(&self, _inner: Inner) -> Option<Wave> {
+        None
+    }
     /// What the effect does to the way of the input, for named parameters.
     fn transmit(&self, _parameters: &[f64], _path: &mut Path) {}
     /// The error of the measured position `q` of each unit coefficient, and its slope over `q`, into `out`.

@@ -19,7 +19,7 @@
 //! M. Bodson, S. C. Douglas, Adaptive algorithms for the rejection of sinusoidal disturbances with unknown frequency,
 //! Automatica 33(12), 1997; A. Schuster, On the investigation of hidden periodicities, 1898 (the periodogram).
 
-use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Scale, Search, Spec, cartesian, polar};
+use super::{Confusion, Effect, Inner, Motion, Quantity, Scale, Search, Spec, Wave, cartesian, polar};
 use crate::format::quantity;
 
 pub(super) struct PeriodicDisturbance;
@@ -80,9 +80,9 @@ impl Effect for PeriodicDisturbance {
     fn inner(&self) -> Option<usize> {
         Some(2)
     }
-    fn basis(&self, inner: Inner, at: Point, out: &mut [f64]) {
-        let (sin, cos) = (std::f64::consts::TAU * inner[0] * at.moment.t).sin_cos();
-        (out[0], out[1]) = (-sin, -cos);
+    fn wave(&self, inner: Inner) -> Option<Wave> {
+        let number = std::f64::consts::TAU * inner[0];
+        Some(Wave { number, coordinate: |at| at.moment.t, carrier: |_| -1.0 })
     }
     fn named(&self, inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
         let [amplitude, phase] = polar(c);

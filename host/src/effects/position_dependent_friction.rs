@@ -20,7 +20,7 @@
 //! B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, A survey of models, analysis tools and compensation methods for
 //! the control of machines with friction, Automatica 30(7), 1994, sec. 2.1 (position dependence).
 
-use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Scale, Spec, Survey, cartesian, polar};
+use super::{Confusion, Effect, Inner, Motion, Quantity, Scale, Spec, Survey, Wave, cartesian, polar};
 use crate::format::quantity;
 
 /// Waves over the travel: from half of one on, thirds apart.
@@ -89,9 +89,8 @@ impl Effect for PositionDependentFriction {
         waves.sort_by(f64::total_cmp);
         waves
     }
-    fn basis(&self, inner: Inner, at: Point, out: &mut [f64]) {
-        let (sin, cos) = (std::f64::consts::TAU * at.q / inner[0]).sin_cos();
-        (out[0], out[1]) = (at.s * sin, at.s * cos);
+    fn wave(&self, inner: Inner) -> Option<Wave> {
+        Some(Wave { number: std::f64::consts::TAU / inner[0], coordinate: |at| at.q, carrier: |at| at.s })
     }
     fn named(&self, inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
         let [amplitude, phase] = polar(c);

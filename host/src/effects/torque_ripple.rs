@@ -20,7 +20,7 @@
 //! T. M. Jahns, W. L. Soong, Pulsating torque minimization techniques for permanent magnet AC motor drives: a review,
 //! IEEE Trans. Industrial Electronics 43(2), 1996.
 
-use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Scale, Spec, Survey, cartesian, periodicities, polar};
+use super::{Confusion, Effect, Inner, Motion, Quantity, Scale, Spec, Survey, Wave, cartesian, periodicities, polar};
 use crate::format::{shortest, significant};
 
 pub(super) struct TorqueRipple;
@@ -81,10 +81,9 @@ impl Effect for TorqueRipple {
     fn grid(&self, survey: &Survey) -> Vec<f64> {
         periodicities(survey, 1)
     }
-    fn basis(&self, inner: Inner, at: Point, out: &mut [f64]) {
-        let (sin, cos) = (inner[0] * at.angle).sin_cos();
+    fn wave(&self, inner: Inner) -> Option<Wave> {
         // More drive is less resistance.
-        (out[0], out[1]) = (-at.moment.u * sin, -at.moment.u * cos);
+        Some(Wave { number: inner[0], coordinate: |at| at.angle, carrier: |at| -at.moment.u })
     }
     fn named(&self, inner: Inner, c: &[f64], scale: Scale) -> Vec<f64> {
         let [size, phase] = polar(c);

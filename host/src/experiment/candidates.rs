@@ -2,6 +2,8 @@
 
 use std::f64::consts::{PI, TAU};
 
+use rayon::prelude::*;
+
 use crate::axis::Axis;
 use crate::error::Result;
 use crate::excite::{Excitation, Shape};
@@ -62,12 +64,10 @@ impl Safe {
         self.travel.1 - self.travel.0
     }
 
-    fn allows(&self, states: &[State]) -> bool {
+    fn allows(&self, state: &State) -> bool {
         let margin = MARGIN * self.span();
         let (low, high) = (self.travel.0 - margin, self.travel.1 + margin);
-        states
-            .iter()
-            .all(|s| (low..=high).contains(&s.q) && s.v.abs() <= (1.0 + MARGIN) * self.speed)
+        (low..=high).contains(&state.q) && state.v.abs() <= (1.0 + MARGIN) * self.speed
     }
 }
 
@@ -206,31 +206,24 @@ pub(super) fn all(model: &Model, rivals: &[Model], safe: &Safe) -> Result<Vec<Ca
         safe,
         model,
     };
-    let mut found = Vec::new();
-    for (shape, profile, shares) in MOTIONS {
-        for share in shares {
-            found.extend(maker.tried(shape, |scale| maker.along(profile, share * scale)));
-        }
-    }
-    let top = 0.4 / safe.period;
-    for (shape, kind, band, shares) in SIGNALS {
-        for share in shares {
-            let signal = Excitation {
-                shape: kind,
-                amplitude: 1.0,
-                band: (band.0.min(top), band.1.min(top)),
-                duration: DURATION + safe.period,
-                seed: 1,
-            }
-            .values(&maker.t);
-            let middle = 0.5 * (safe.travel.0 + safe.travel.1);
-            found.extend(maker.tried(shape, |scale| {
+    let maker = &maker;
+    let motions = MOTIONS.par_iter().flat_map(|&(shape, profile, shares)| {
+        let along =
+            move |share: &f64| maker.tried(shape, |scale| maker.along(profile, share * scale));
+        shares.par_iter().filter_map(along)
+    });
+    let middle = 0.5 * (safe.travel.0 + safe.travel.1);
+    let signals = SIGNALS.par_iter().flat_map(|&(shape, kind, band, shares)| {
+        let signal = maker.signal(kind, band);
+        let applied = move |share: &f64| {
+            maker.tried(shape, |scale| {
                 let size = share * scale * safe.input;
                 (middle, signal.iter().map(|x| size * x).collect())
-            }));
-        }
-    }
-    Ok(found)
+            })
+        };
+        shares.par_iter().filter_map(applied)
+    });
+    Ok(motions.chain(signals).collect())
 }
 
 struct Maker<'a> {
@@ -254,19 +247,31 @@ impl Maker<'_> {
             let recording = unmeasured(self.t.clone(), u);
             let from = State { q: start, v: 0.0 };
             let last = self.t.len() - 1;
-            let mut runs = self
-                .axes
-                .iter()
-                .map(|axis| simulate::run_axis(axis, &recording, 0, last, from));
-            let states = runs.next().filter(|states| self.safe.allows(states))?;
-            runs.all(|states| self.safe.allows(&states))
-                .then(|| Candidate {
-                    shape: shape.to_owned(),
-                    t: self.t.clone(),
-                    u: recording.u,
-                    states,
-                })
+            let mut runs = self.axes.iter().map(|axis| {
+                let allowed = |state: &State| self.safe.allows(state);
+                simulate::run_axis_while(axis, &recording, (0, last), from, allowed)
+            });
+            let states = runs.next()??;
+            runs.all(|states| states.is_some()).then(|| Candidate {
+                shape: shape.to_owned(),
+                t: self.t.clone(),
+                u: recording.u,
+                states,
+            })
         })
+    }
+
+    /// A test signal that peaks at one.
+    fn signal(&self, shape: Shape, band: (f64, f64)) -> Vec<f64> {
+        let top = 0.4 / self.safe.period;
+        let signal = Excitation {
+            shape,
+            amplitude: 1.0,
+            band: (band.0.min(top), band.1.min(top)),
+            duration: DURATION + self.safe.period,
+            seed: 1,
+        };
+        signal.values(&self.t)
     }
 
     fn faded(&self, u: &[f64]) -> Vec<f64> {

@@ -120,12 +120,9 @@ impl Workbench {
         let mut model = with_starts(&self.problem, model);
         let system = System::new(&self.problem, &model)?.whitened(&self.noise);
         let groups = self.dictionary.groups(&self.problem);
-        let position: Vec<Vec<f64>> = groups
-            .iter()
-            .filter(|g| g.coordinate == "position")
-            .flat_map(|g| &g.columns)
-            .map(|c| self.noise.whiten(c))
-            .collect();
+        let position = groups.iter().filter(|g| g.coordinate == "position");
+        let position = position.flat_map(|g| &g.columns).map(|c| c.as_slice());
+        let position = self.noise.whiten_all(position);
         let columns = system.columns_and(position.iter().map(Vec::as_slice));
         let score = linear::score(
             &system.response,

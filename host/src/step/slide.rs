@@ -21,7 +21,8 @@ pub(super) fn advance<const N: usize>(
     h: f64,
 ) -> [f64; N] {
     let mut left = h;
-    let substep = h / substeps(plant, drive, &x, h) as f64;
+    let (count, mut friction) = substeps(plant, drive, &x, h);
+    let substep = h / count as f64;
     // Each pass goes one substep or ends where the contact sticks or lets go, which adds one pass.
     for _ in 0..4 * MOST_SUBSTEPS {
         if left <= 1e-12 * h {
@@ -29,7 +30,7 @@ pub(super) fn advance<const N: usize>(
         }
         let step = substep.min(left);
         let spent = match direction(plant, drive, &x) {
-            Some(s) => slide(plant, drive, &mut x, s, step),
+            Some(s) => slide(plant, drive, &mut x, (s, friction.take()), step),
             None => {
                 plant.rest(&mut x);
                 // Of a position and a velocity at rest nothing is left to move.
@@ -66,12 +67,13 @@ fn direction<const N: usize>(plant: &impl Mechanism<N>, drive: Drive, x: &[f64; 
     }
 }
 
-/// Slides in direction `s` for a step or until velocity reaches zero; returns the time spent.
+/// Slides in direction `s`, against a friction that may be known to begin with, for a step or until velocity reaches zero;
+/// returns the time spent.
 fn slide<const N: usize>(
     plant: &impl Mechanism<N>,
     drive: Drive,
     x: &mut [f64; N],
-    s: f64,
+    (s, known): (f64, Option<f64>),
     step: f64,
 ) -> f64 {
     // The branch of sliding direction s is continued smoothly past v = 0, so the order of the method holds.
@@ -79,7 +81,9 @@ fn slide<const N: usize>(
         let at = plant.sliding(x);
         plant.contact().resistance(plant.moment(drive, x), at, s)
     };
-    let go = |h: f64| runge_kutta(|x| plant.rate(drive, x, friction(x)), x, h);
+    let rate = |x: &[f64; N], friction: f64| plant.rate(drive, x, friction);
+    let first = rate(x, known.unwrap_or_else(|| friction(x)));
+    let go = |h: f64| runge_kutta(|x| rate(x, friction(x)), x, &first, h);
     let slides = |x: &[f64; N]| plant.sliding(x).v * s >= 0.0;
     let (mut next, mut spent) = (go(step), step);
     if !slides(&next) {
@@ -105,8 +109,10 @@ fn stick<const N: usize>(
     x: &mut [f64; N],
     step: f64,
 ) -> f64 {
+    let slope = |x: &[f64; N]| plant.rate(drive, x, plant.balance(drive, x));
+    let first = slope(x);
     let go = |h: f64| {
-        let mut next = runge_kutta(|x| plant.rate(drive, x, plant.balance(drive, x)), x, h);
+        let mut next = runge_kutta(slope, x, &first, h);
         plant.rest(&mut next);
         next
     };
@@ -134,13 +140,14 @@ fn bisect(step: f64, lasts: impl Fn(f64) -> bool) -> (f64, f64) {
     (low, high)
 }
 
+/// A step from `x`, where the slope is `a`.
 fn runge_kutta<const N: usize>(
     slope: impl Fn(&[f64; N]) -> [f64; N],
     x: &[f64; N],
+    a: &[f64; N],
     h: f64,
 ) -> [f64; N] {
-    let a = slope(x);
-    let b = slope(&moved(x, 0.5 * h, &a));
+    let b = slope(&moved(x, 0.5 * h, a));
     let c = slope(&moved(x, 0.5 * h, &b));
     let d = slope(&moved(x, h, &c));
     std::array::from_fn(|k| x[k] + h / 6.0 * (a[k] + 2.0 * b[k] + 2.0 * c[k] + d[k]))
@@ -149,28 +156,32 @@ fn runge_kutta<const N: usize>(
 /// Substeps that keep the fastest mode of the linearised mechanism within reach of the method. It is linearised at the
 /// velocity that the step is about, its own change at least: a slope that grows without bound towards standstill, like
 /// that of a power law, acts for an instant that the step passes over anyway.
+///
+/// What this finds of the friction at `x` is given back where that slides.
 fn substeps<const N: usize>(
     plant: &impl Mechanism<N>,
     drive: Drive,
     x: &[f64; N],
     h: f64,
-) -> usize {
+) -> (usize, Option<f64>) {
     let parts = |rate: f64| {
         let rate = rate.max(plant.pace());
         ((h * rate / STIFFNESS).ceil() as usize).clamp(1, MOST_SUBSTEPS)
     };
     if let Some(viscous) = plant.contact().lone_viscous() {
-        return parts(viscous.abs() / plant.inertia());
+        return (parts(viscous.abs() / plant.inertia()), None);
     }
     let at = plant.sliding(x);
     let s = if at.v < 0.0 { -1.0 } else { 1.0 };
     let moment = plant.moment(drive, x);
     let resistance = |q, v| plant.contact().resistance(moment, State { q, v }, s);
-    let left = plant.balance(drive, x) - resistance(at.q, at.v);
+    let now = resistance(at.q, at.v);
+    let left = plant.balance(drive, x) - now;
     let v = s * at.v.abs().max(h * left.abs() / plant.inertia()).max(1e-6);
     let (dq, dv) = (1e-6, 1e-3 * v.abs());
-    let here = resistance(at.q, v);
+    let here = if v == at.v { now } else { resistance(at.q, v) };
     let damping = (resistance(at.q, v + s * dv) - here) / (dv * plant.inertia());
     let stiffness = (resistance(at.q + dq, v) - here) / (dq * plant.inertia());
-    parts(damping.abs().max(stiffness.abs().sqrt()))
+    let count = parts(damping.abs().max(stiffness.abs().sqrt()));
+    (count, (at.v != 0.0).then_some(now))
 }
