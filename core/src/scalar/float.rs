@@ -14,6 +14,29 @@
 
 use super::{Scalar, quarter, turned};
 
+/// `floor` and `split`, which read alike for either width.
+macro_rules! whole_and_part {
+    () => {
+        #[inline]
+        fn floor(self) -> i32 {
+            // The cast cuts off towards zero, saturates and makes zero of NaN.
+            let cut = self as i32;
+            cut.saturating_sub(i32::from(Self::from_i32(cut) > self))
+        }
+        #[inline]
+        fn split(self) -> (i32, Self) {
+            let cut = self as i32;
+            // Exact, so that the one rounding is that of the sum below.
+            let rest = self - Self::from_i32(cut);
+            if rest < 0.0 {
+                (cut.saturating_sub(1), rest + 1.0)
+            } else {
+                (cut, rest)
+            }
+        }
+    };
+}
+
 impl Scalar for f64 {
     const ZERO: Self = 0.0;
     const ONE: Self = 1.0;
@@ -30,23 +53,7 @@ impl Scalar for f64 {
     fn from_i32(value: i32) -> Self {
         Self::from(value)
     }
-    #[inline]
-    fn floor(self) -> i32 {
-        // The cast cuts off towards zero, saturates and makes zero of NaN.
-        let cut = self as i32;
-        cut.saturating_sub(i32::from(Self::from_i32(cut) > self))
-    }
-    #[inline]
-    fn split(self) -> (i32, Self) {
-        let cut = self as i32;
-        // Exact, so that the one rounding is that of the sum below.
-        let rest = self - Self::from_i32(cut);
-        if rest < 0.0 {
-            (cut.saturating_sub(1), rest + 1.0)
-        } else {
-            (cut, rest)
-        }
-    }
+    whole_and_part!();
     #[inline]
     fn share_of(self, whole: u32) -> u32 {
         (self * Self::from(whole)) as u32
@@ -95,23 +102,7 @@ impl Scalar for f32 {
     fn from_i32(value: i32) -> Self {
         value as Self
     }
-    #[inline]
-    fn floor(self) -> i32 {
-        // The cast cuts off towards zero, saturates and makes zero of NaN.
-        let cut = self as i32;
-        cut.saturating_sub(i32::from(Self::from_i32(cut) > self))
-    }
-    #[inline]
-    fn split(self) -> (i32, Self) {
-        let cut = self as i32;
-        // Exact, so that the one rounding is that of the sum below.
-        let rest = self - Self::from_i32(cut);
-        if rest < 0.0 {
-            (cut.saturating_sub(1), rest + 1.0)
-        } else {
-            (cut, rest)
-        }
-    }
+    whole_and_part!();
     #[inline]
     fn share_of(self, whole: u32) -> u32 {
         (self * whole as Self) as u32
