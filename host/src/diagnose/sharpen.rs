@@ -90,8 +90,8 @@ pub(super) fn sharpened(
         recordings,
         progress,
     };
-    for k in 0..fine.len() {
-        let more = closer.more(k, fine[k].width.quiet())?;
+    for (k, windows) in fine.iter().enumerate() {
+        let more = closer.more(k, windows.width.quiet())?;
         let more = more.map(|more| closer.contested(k, more)).transpose()?;
         if let Some((more, at)) = more.flatten() {
             return Ok(with_windows(more, at, fine));
