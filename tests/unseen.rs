@@ -49,6 +49,34 @@ fn a_fast_hum_is_found() {
     );
 }
 
+/// Rows are whitened by what is taken for noise, and windows that pass but the foot of a hum show it as the swing of a load.
+#[test]
+fn a_strong_hum_is_neither_noise_nor_a_load() {
+    for hertz in [17.0, 24.5] {
+        let json = diagnosed(
+            &format!(
+                "[effects.periodic-disturbance]\namplitude = 0.2\nphase = 0.4\nfrequency = {hertz}\n"
+            ),
+            "multisine --amplitude 1.2 --band 0.2:3",
+        );
+        let findings = json["findings"].as_array().expect("a list");
+        let ids: Vec<&Value> = findings.iter().map(|f| &f["id"]).collect();
+        assert_eq!(ids, ["periodic-disturbance"], "{hertz}: {}", json["text"]);
+        assert!(
+            (value(&findings[0], "frequency") - hertz).abs() < 0.02,
+            "{}",
+            findings[0]
+        );
+        assert!(
+            (value(&findings[0], "amplitude") - 0.2).abs() < 0.02,
+            "{}",
+            findings[0]
+        );
+        let evidence = findings[0]["evidence"]["delta_bic"].as_f64().unwrap_or(0.0);
+        assert!(evidence > 1e4, "{evidence}");
+    }
+}
+
 /// Free runs start where the load swings, which follows from the motion before: started at ease they would be no better
 /// than without a load, and the finding would be refuted.
 #[test]

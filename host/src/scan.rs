@@ -20,6 +20,8 @@ pub struct Ground<'a> {
     blocks: &'a [Option<usize>],
     model: &'a Model,
     inertias: Option<Inertias>,
+    /// Hz from which on lines are sought.
+    slowest: f64,
     /// The whitened system of the model.
     pub system: System,
     products: Products,
@@ -70,6 +72,7 @@ impl<'a> Ground<'a> {
         blocks: &'a [Option<usize>],
         model: &'a Model,
         inertias: Option<Inertias>,
+        slowest: f64,
     ) -> Result<Option<Self>> {
         let system = System::new(problem, model)?.whitened(noise);
         let products = system.products(blocks);
@@ -80,6 +83,7 @@ impl<'a> Ground<'a> {
             blocks,
             model,
             inertias,
+            slowest,
             system,
             products,
             score,
@@ -230,12 +234,14 @@ impl<'a> Ground<'a> {
         Ok(Some(found))
     }
 
-    /// Frequencies half a resolution cell apart, in Hz, from that many cells on up to where the windows pass little.
+    /// Frequencies half a resolution cell apart, in Hz, from that many cells on, and from where they are sought at all, up to
+    /// where the windows pass little.
     pub fn frequencies(&self, slowest: usize) -> Vec<f64> {
         let seen = TRAIN_SHARE * self.survey.duration;
         let step = 0.5 / seen.max(f64::MIN_POSITIVE);
         let most = (PASSED / self.survey.half_width / step) as usize;
-        (2 * slowest..most).map(|k| k as f64 * step).collect()
+        let least = (2 * slowest).max((self.slowest / step).ceil() as usize);
+        (least..most).map(|k| k as f64 * step).collect()
     }
 
     /// The frequency at which a sine and a cosine in time take most off the residual, of frequencies that are equally far

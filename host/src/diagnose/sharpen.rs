@@ -7,12 +7,12 @@ use std::f64::consts::TAU;
 
 use super::confirm::confirmed;
 use super::select::{FLOOR, LEAST_DELTA_BIC, Scope, Selection};
-use super::trial::Trial;
+use super::trial::{Base, Trial};
 use crate::effects::{Effect, Quantity, Seat, Survey};
 use crate::error::{Error, Result};
 use crate::fit;
 use crate::identify::Workbench;
-use crate::model::Model;
+use crate::model::{Model, Term};
 use crate::motion::Motion;
 use crate::recording::Recording;
 use crate::weak::Part;
@@ -30,8 +30,7 @@ const LINE_EVIDENCE: f64 = 8.0;
 /// Share of the squared error that a line must take away. The usual share guards against what reversals leave behind,
 /// which is no line; this is 1 % of the RMS error.
 const LINE_SHARE: f64 = 0.02;
-/// What a load behind the axis must leave at most of the error of held-out free runs. In narrow windows the noise that
-/// moves the axis moves the supposed load, too, and a resonance follows its colour; a free run knows of no noise.
+/// What a load behind the axis must leave at most of the error of held-out free runs.
 const LOAD_LEAVES: f64 = 0.9;
 
 /// Fast effects, with the narrow windows that show them.
@@ -76,87 +75,144 @@ pub(super) fn sharpened(
     recordings: &[Recording],
     progress: &dyn Fn(&str),
 ) -> Result<(Selection, Option<Fast>)> {
+    progress("looking closer, with narrower windows");
     let usual = bench.problem.half_width();
-    for narrower in NARROWER {
-        progress("looking closer, with narrower windows");
-        let Ok(fine) = bench.with_half_width(&found.1, usual / narrower) else {
-            continue;
-        };
-        // Where the narrow windows hold so much noise of the encoder that the other side of the equation looks better,
-        // nothing of theirs can be compared.
-        if fine.problem.half_width() > CLOSE * usual
-            || fine.problem.response != bench.problem.response
-        {
-            continue;
-        }
-        // Narrow windows may hold too much noise of the encoder for a fit at all.
-        let more = match more(&fine, bench, before, &found, recordings, progress) {
-            Err(Error::NotIdentifiable(_)) => continue,
-            more => more?,
-        };
-        if let Some(more) = more {
-            let count = fast_ones(&more).count();
-            return Ok((more, Some(Fast { bench: fine, count })));
+    let slowest = DULLED / usual;
+    let fine = |narrower: f64| bench.narrowed(&found.1, usual / narrower, slowest).ok();
+    let fine: Vec<Workbench> = (NARROWER.into_iter().filter_map(fine))
+        .filter(|fine| fine.problem.half_width() <= CLOSE * usual)
+        .collect();
+    let closer = Closer {
+        fine: &fine,
+        usual: bench,
+        slowest,
+        before,
+        found: &found,
+        recordings,
+        progress,
+    };
+    for (k, windows) in fine.iter().enumerate() {
+        let more = closer.more(k, windows.width.quiet())?;
+        let more = more.map(|more| closer.contested(k, more)).transpose()?;
+        if let Some((more, at)) = more.flatten() {
+            return Ok(with_windows(more, at, fine));
         }
     }
     Ok((found, None))
 }
 
-/// The selection with fast effects in; `None` if there are none.
-fn more(
-    fine: &Workbench,
-    bench: &Workbench,
-    before: &Model,
-    found: &Selection,
-    recordings: &[Recording],
-    progress: &dyn Fn(&str),
-) -> Result<Option<Selection>> {
-    let survey = fine.problem.survey(&found.1);
-    let slowest = DULLED / bench.problem.half_width();
-    let passes = |trial: &Trial| {
-        let line = trial.effect.seat() != Seat::Load;
-        let (share, evidence) = if line {
-            (LINE_SHARE, LINE_EVIDENCE * LEAST_DELTA_BIC)
-        } else {
-            (FLOOR, LEAST_DELTA_BIC)
+/// A selection with the windows that it was found under.
+fn with_windows(more: Selection, at: usize, mut fine: Vec<Workbench>) -> (Selection, Option<Fast>) {
+    let count = fast_ones(&more).count();
+    let bench = fine.swap_remove(at);
+    (more, Some(Fast { bench, count }))
+}
+
+/// The search under narrower windows.
+struct Closer<'a> {
+    fine: &'a [Workbench],
+    usual: &'a Workbench,
+    /// Hz from which on usual windows dull.
+    slowest: f64,
+    before: &'a Model,
+    found: &'a Selection,
+    recordings: &'a [Recording],
+    progress: &'a dyn Fn(&str),
+}
+
+impl Closer<'_> {
+    /// The selection with fast effects in under some of the windows, loads among them if they are sought, which takes
+    /// measured positions without much noise. `None` if there are none.
+    fn more(&self, at: usize, loads: bool) -> Result<Option<Selection>> {
+        let fine = &self.fine[at];
+        let (survey, slowest) = (fine.problem.survey(&self.found.1), self.slowest);
+        let passes = |trial: &Trial| {
+            let (share, evidence) = if hangs(trial.effect) {
+                (FLOOR, LEAST_DELTA_BIC)
+            } else {
+                (LINE_SHARE, LINE_EVIDENCE * LEAST_DELTA_BIC)
+            };
+            trial.certain && trial.reaches(share, evidence) && pace(trial, &survey) >= slowest
         };
-        trial.certain && trial.reaches(share, evidence) && pace(trial, &survey) >= slowest
-    };
-    // What a load does follows from measured positions, noise and all.
-    let quiet = fine.width.quiet();
-    let mut loads = quiet;
-    loop {
-        let sought = |e: &dyn Effect| e.fast() && (loads || e.seat() != Seat::Load);
+        let sought = |e: &dyn Effect| e.fast() && (loads || !hangs(e));
         let scope = Scope {
             bench: fine,
-            usual: bench,
+            usual: self.usual,
             sought: &sought,
             passes: &passes,
             fast: true,
         };
-        let more = confirmed(&scope, before, found, recordings, progress)?;
-        let fast: Vec<&dyn Effect> = fast_ones(&more).collect();
-        let hung = fast.iter().any(|e| e.seat() == Seat::Load);
-        if hung && !predicts(&more.1, &found.1, fine, recordings)? {
-            loads = false;
-            continue;
+        let (before, all) = (self.before, self.recordings);
+        // Narrow windows may hold too much noise of the encoder for a fit at all.
+        match confirmed(&scope, before, self.found, all, self.progress) {
+            Err(Error::NotIdentifiable(_)) => Ok(None),
+            more => Ok(Some(more?).filter(|more| fast_ones(more).next().is_some())),
         }
-        return Ok((!fast.is_empty()).then_some(more));
     }
+
+    /// What stands of a selection, and under which windows: itself if no load is in it; otherwise itself or one without a
+    /// load, if there is any.
+    ///
+    /// A hum passes for the swing of a load that hardly loses anything, most of all under windows that show but the foot of
+    /// either. So a load must leave less than any line does, under windows that pass the line, and it must predict better
+    /// than all that is found without one: the noise that moves the axis moves a supposed load, too, and in the weak form
+    /// its resonance follows the colour of that noise; a free run knows of no noise.
+    fn contested(&self, at: usize, more: Selection) -> Result<Option<(Selection, usize)>> {
+        let Some(load) = more.1.terms.iter().rfind(|t| hangs(t.effect)) else {
+            return Ok(Some((more, at)));
+        };
+        if !fast_ones(&more).any(hangs) {
+            return Ok(Some((more, at)));
+        }
+        let mut best = (self.error(&self.found.1)?, None);
+        for narrow in at..self.fine.len() {
+            let Some(lines) = self.more(narrow, false)? else {
+                continue;
+            };
+            if self.outdone(load, &lines, narrow)? {
+                return Ok(Some((lines, narrow)));
+            }
+            let error = self.error(&lines.1)?;
+            if error < best.0 {
+                best = (error, Some((lines, narrow)));
+            }
+        }
+        let predicts = self.error(&more.1)? < LOAD_LEAVES * best.0;
+        Ok(if predicts { Some((more, at)) } else { best.1 })
+    }
+
+    /// Whether the first of some lines has more evidence than a load as it was found.
+    fn outdone(&self, load: &Term, lines: &Selection, narrow: usize) -> Result<bool> {
+        let Some(line) = lines.0.iter().find(|s| s.fast) else {
+            return Ok(false);
+        };
+        let mut load = load.clone();
+        let inner = [load.effect.inner(), load.effect.shape().map(|(k, _)| k)];
+        for k in inner.into_iter().flatten() {
+            load.parameters[k].known = true;
+        }
+        let base = Base::new(&self.fine[narrow], &self.found.1)?;
+        let trial = base.map(|base| base.attempt_as(&load)).transpose()?;
+        let trial = trial.flatten();
+        Ok(trial.is_none_or(|load| load.delta_bic < line.trial.delta_bic))
+    }
+
+    /// Error of held-out free runs.
+    fn error(&self, model: &Model) -> Result<f64> {
+        let tracks = &self.usual.problem.tracks;
+        Ok(fit::part(Part::HeldOut, model, self.recordings, tracks)?.nrmse)
+    }
+}
+
+/// Whether an effect is a load behind the axis.
+fn hangs(effect: &dyn Effect) -> bool {
+    effect.seat() == Seat::Load
 }
 
 /// The fast effects of a selection.
 fn fast_ones((selected, _): &Selection) -> impl Iterator<Item = &'static dyn Effect> {
     let fast = selected.iter().filter(|s| s.fast);
     fast.map(|s| s.trial.effect)
-}
-
-/// Whether held-out free runs are better with a load than without.
-fn predicts(with: &Model, without: &Model, fine: &Workbench, all: &[Recording]) -> Result<bool> {
-    let error = |model: &Model| -> Result<f64> {
-        Ok(fit::part(Part::HeldOut, model, all, &fine.problem.tracks)?.nrmse)
-    };
-    Ok(error(with)? < LOAD_LEAVES * error(without)?)
 }
 
 /// The fastest that an effect acts in a recording, Hz.

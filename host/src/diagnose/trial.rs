@@ -8,7 +8,7 @@ use crate::effects::{self, Effect, Inner};
 use crate::error::Result;
 use crate::identify::Workbench;
 use crate::linear::{self, Score};
-use crate::model::Model;
+use crate::model::{Model, Term};
 use crate::scan::{self, Ground};
 use crate::system;
 
@@ -102,7 +102,13 @@ impl<'a> Base<'a> {
 
     /// Tries an effect with all values of its inner parameters; `None` if none of its parameters is physical.
     pub fn attempt(&self, effect: &'static dyn Effect) -> Result<Option<Trial>> {
-        let Some(found) = self.ground.best(&scan::open(effect))? else {
+        self.attempt_as(&scan::open(effect))
+    }
+
+    /// The same with those values that the term leaves open.
+    pub fn attempt_as(&self, term: &Term) -> Result<Option<Trial>> {
+        let effect = term.effect;
+        let Some(found) = self.ground.best(term)? else {
             return Ok(None);
         };
         let parameters = effect.parameters().len() as f64;

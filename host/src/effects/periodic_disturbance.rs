@@ -7,7 +7,8 @@
 //!
 //! # What excites it
 //! Nothing needs to: it is there by itself. The recording must hold several of its periods, and tell frequencies up to
-//! about 0.8 over the half-width of the test functions (11 Hz at the narrowest); faster ones average out of the motion.
+//! about 0.8 over the half-width of the narrowest test functions, a quarter of the usual (46 Hz where the encoder is fine);
+//! faster ones average out of the motion.
 //!
 //! # Confused with
 //! cogging and gravity at constant speed, where position and time run together: repeat at another speed.

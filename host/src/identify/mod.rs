@@ -11,12 +11,13 @@ mod width;
 use std::sync::OnceLock;
 
 use crate::dictionary::Dictionary;
+use crate::effects::{self, Path};
 use crate::error::{Error, Result};
 use crate::fit::{self, Fit};
 use crate::linear;
 use crate::model::{Causality, Model, Parameter};
 use crate::noise::Noise;
-use crate::problem::Problem;
+use crate::problem::{Direction, Problem};
 use crate::recording::Recording;
 use crate::refine;
 use crate::scan::{self, Ground, Inertias};
@@ -50,6 +51,8 @@ pub struct Workbench {
     pub width: Width,
     /// What is known of the inertia with all generic functions in.
     inertias: Option<Inertias>,
+    /// Hz from which on lines are sought: slower ones are for wider windows.
+    slowest: f64,
     /// The same windows on velocities smoothed half as wide, with their blocks, made when first asked for.
     finer: OnceLock<(Problem, Vec<Option<usize>>)>,
 }
@@ -145,6 +148,16 @@ impl Workbench {
     }
 
     fn on(tracks: &[Track], model: &Model, options: Options) -> Result<Self> {
+        Self::beside(None, tracks, model, options)
+    }
+
+    /// On the side of the equation, and with the room for inertias, of another workbench if there is one.
+    fn beside(
+        other: Option<&Self>,
+        tracks: &[Track],
+        model: &Model,
+        options: Options,
+    ) -> Result<Self> {
         let dictionary = Dictionary::new(tracks);
         let (mut problem, width) = choose_width(tracks, &dictionary, model, options)?;
         let train = problem.count(Part::Train);
@@ -155,7 +168,10 @@ impl Workbench {
         }
         let blocks = system::blocks(&problem);
         let start = with_starts(&problem, model);
-        let (response, inertias) = choose_response(&mut problem, &start, &dictionary, &blocks)?;
+        let (response, inertias) = match other {
+            Some(other) => (other.problem.response, other.inertias),
+            None => choose_response(&mut problem, &start, &dictionary, &blocks)?,
+        };
         problem.response = response;
         let system = System::new(&problem, &start)?;
         let (residual, unknowns) = follow_everything(&problem, &system, &dictionary, &blocks)?;
@@ -168,6 +184,7 @@ impl Workbench {
             dictionary,
             width,
             inertias,
+            slowest: 0.0,
             finer: OnceLock::new(),
         })
     }
@@ -178,6 +195,45 @@ impl Workbench {
             half_width: Some(half_width),
         };
         Self::on(&self.problem.tracks, model, options)
+    }
+
+    /// The same under narrower windows, whose rows minimise the error of the same side of the equation. Which side a
+    /// disturbance is independent of is for the wider windows to say: narrow ones hold more noise of the encoder, and a hum
+    /// that only they pass is in the comparison of the sides, where no generic function follows it.
+    ///
+    /// They are for lines from `slowest` on, in Hz, of which the strongest is followed before noise is estimated. As noise, a
+    /// line would hide itself: rows are whitened by what is taken for noise.
+    pub fn narrowed(&self, model: &Model, half_width: f64, slowest: f64) -> Result<Self> {
+        let options = Options {
+            half_width: Some(half_width),
+        };
+        let mut narrow = Self::beside(Some(self), &self.problem.tracks, model, options)?;
+        narrow.slowest = slowest;
+        narrow.follow_a_line(model)?;
+        Ok(narrow)
+    }
+
+    /// Estimates the noise anew with the strongest line in the spectrum followed, too.
+    fn follow_a_line(&mut self, model: &Model) -> Result<()> {
+        let Some(effect) = effects::find("periodic-disturbance") else {
+            return Ok(());
+        };
+        let start = with_starts(&self.problem, model);
+        let found = match self.ground(&start)? {
+            Some(ground) => ground.best(&scan::open(effect))?,
+            None => None,
+        };
+        let Some(found) = found else {
+            return Ok(());
+        };
+        let (sliding, path) = (Direction::default(), Path::default());
+        let line = self.problem.effect(effect, found.inner, &sliding, &path);
+        let mut system = System::new(&self.problem, &start)?;
+        system.columns.extend(line.iter().map(|c| c.to_vec()));
+        let (residual, unknowns) =
+            follow_everything(&self.problem, &system, &self.dictionary, &self.blocks)?;
+        self.noise = Noise::estimate(&self.problem, &residual, unknowns, &self.blocks);
+        Ok(())
     }
 
     /// Estimates all unknown parameters of a model: linear start, scan of inner parameters, joint refinement.
@@ -325,6 +381,7 @@ impl Workbench {
             &self.blocks,
             model,
             self.inertias,
+            self.slowest,
         )
     }
 }
