@@ -147,6 +147,21 @@ fn effects_are_named_and_measured() {
     assert!(wrong.len() < 4, "{wrong:?}");
 }
 
+/// Neither takes the required share off the error alone, and a third effect may do more than either.
+#[test]
+fn two_effects_that_hide_each_other_are_named() {
+    for (seed, two) in [
+        (4_100_065, ["viscous-asymmetry", "direction-asymmetry"]),
+        (4_100_047, ["hardening-spring", "direction-asymmetry"]),
+    ] {
+        let recipe = Recipe::with_effects(seed, &two, 0.3, Noise::High);
+        let (_, outcome, _) = examine(&recipe);
+        let mut names: Vec<&str> = outcome.diagnosis.findings.iter().map(|f| f.id).collect();
+        names.sort_unstable_by_key(|id| two.iter().position(|known| known == id));
+        assert_eq!(names, two, "{}", outcome.diagnosis.text);
+    }
+}
+
 #[test]
 fn what_the_catalogue_does_not_know_is_called_unknown() {
     let mut wrong = Vec::new();

@@ -150,4 +150,25 @@ mod tests {
         let fall = left(&projection) - left(&refit);
         assert!(left(&refit) < 1e-18 && (projection.gain(&[step]) - fall).abs() < 1e-6 * fall);
     }
+
+    /// Two columns that add up to the residual, each of them nearly at right angles to it.
+    #[test]
+    fn two_sets_do_together_what_neither_does_alone() {
+        let n = 60;
+        let wave = |k: i32, number: i32| (0.1 * f64::from(number * k)).sin();
+        let column = |of: &dyn Fn(i32) -> f64| -> Vec<f64> { (0..n).map(of).collect() };
+        let residual = column(&|k| 0.1 * wave(k, 3));
+        let first = column(&|k| wave(k, 1) + 0.1 * wave(k, 3));
+        let sets = [
+            vec![first],
+            vec![column(&|k| wave(k, 1))],
+            vec![column(&|k| wave(k, 5))],
+        ];
+        let projection = Projection::new(&residual, &[], &[true; 60]);
+        let gains = projection.gains_of_two(&sets);
+        let pairs: Vec<[usize; 2]> = gains.iter().map(|(pair, _)| *pair).collect();
+        assert_eq!(pairs, [[0, 1], [0, 2], [1, 2]]);
+        assert!((gains[0].1 - 1.0).abs() < 1e-6, "{gains:?}");
+        assert!(gains[1..].iter().all(|(_, gain)| *gain < 0.2), "{gains:?}");
+    }
 }
