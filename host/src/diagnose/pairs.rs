@@ -51,7 +51,7 @@ pub(super) fn better(
         }
     }
     match best {
-        Some((_, two, with)) => beside_each_other(scope, model, two, with, recordings),
+        Some((_, two, with)) => beside_each_other(scope, model, &two, with, recordings),
         None => Ok(None),
     }
 }
@@ -116,7 +116,7 @@ fn promising(
 fn beside_each_other(
     scope: &Scope,
     model: &Model,
-    two: [Trial; 2],
+    two: &[Trial; 2],
     with: Model,
     recordings: &[Recording],
 ) -> Result<Option<Selection>> {
