@@ -1,5 +1,8 @@
 //! The search for the inner parameters of one more effect on top of a model.
 
+mod interval;
+mod line;
+
 use rayon::prelude::*;
 
 use crate::effects::{Effect, Inner, Search, Survey};
@@ -7,11 +10,10 @@ use crate::error::Result;
 use crate::linear::{self, Products, Score};
 use crate::model::{Model, Term};
 use crate::noise::Noise;
-use crate::phasor;
 use crate::problem::Problem;
 use crate::projection::Projection;
 use crate::system::{self, System};
-use crate::weak::{Part, TRAIN_SHARE};
+use crate::weak::Part;
 
 /// A model with numbers, its whitened system and its score: what one more term is measured against.
 pub struct Ground<'a> {
@@ -55,14 +57,8 @@ pub struct Found {
 
 /// Steps of golden-section refinement between the neighbours of the best value: a factor of 0.618 each.
 const GOLDEN_STEPS: usize = 10;
-/// Blocks of time at whose borders an interval may begin and end.
-const BLOCKS: usize = 64;
-/// Frequencies up to this number over the half-width pass the test functions with a tenth of their amplitude.
-const PASSED: f64 = 0.8;
 /// An inertia beyond what a recording leaves room for by more than this factor is a sign that a term took its place.
 const IMPLAUSIBLE: f64 = 3.0;
-/// Resolution cells below which a line is a drift.
-const SLOWEST_LINE: usize = 2;
 
 impl<'a> Ground<'a> {
     /// Sets up the ground; `None` if the recording does not determine the model.
@@ -146,128 +142,6 @@ impl<'a> Ground<'a> {
         let inners: Vec<Inner> = grid.iter().map(inner).collect();
         let (direction, path) = (self.problem.direction(self.model), system::path(self.model));
         self.problem.waves(term.effect, &inners, &direction, &path);
-    }
-
-    /// All intervals between the borders of equal blocks of time: with the projected columns of the blocks at hand, the
-    /// gain of every interval follows from cumulative sums.
-    fn in_time(&self, term: &Term) -> Result<Option<Found>> {
-        let end = TRAIN_SHARE * self.survey.duration;
-        let border = |k: usize| end * k as f64 / BLOCKS as f64;
-        let mut blocks = Vec::with_capacity(BLOCKS);
-        for k in 0..BLOCKS {
-            let model = self.model_with(term, [border(k), border(k + 1)]);
-            blocks.extend(self.columns(&model).into_iter().next());
-        }
-        let (on, off) = self.projection().best_interval(&blocks);
-        let forever = term.effect.shape().map_or(end, |(_, forever)| forever);
-        let inner = [
-            border(on),
-            if off == BLOCKS { forever } else { border(off) },
-        ];
-        let Some(score) = self.with(term, inner)? else {
-            return Ok(None);
-        };
-        let mut found = Found {
-            inner,
-            score,
-            tried: BLOCKS * (BLOCKS + 1) / 2,
-        };
-        // Each end moves what the other is best at, so twice.
-        for _ in 0..2 {
-            self.refine(term, 0, (border(on.max(1) - 1), border(on + 1)), &mut found)?;
-            if off < BLOCKS {
-                self.refine(term, 1, (border(off - 1), border(off + 1)), &mut found)?;
-            }
-        }
-        if off == BLOCKS {
-            self.end_later(term, &mut found);
-        }
-        Ok(Some(found))
-    }
-
-    /// Where what is on at the end of the training part goes off in the held-out part, if it does: no past tells such an
-    /// instant, so it is read off there, with everything else as the training part says.
-    fn end_later(&self, term: &Term, found: &mut Found) {
-        let (from, to) = (TRAIN_SHARE * self.survey.duration, self.survey.duration);
-        let mut model = self.model_with(term, found.inner);
-        let columns = system::columns(self.problem, &model, &model.terms[model.terms.len() - 1]);
-        let system = self.system.extended(&model, &columns, self.noise);
-        system.decode(&found.score.beta, &mut model);
-        let error = |off: f64| -> f64 {
-            let mut model = model.clone();
-            if let Some(last) = model.terms.last_mut() {
-                set_inner(last, [found.inner[0], off]);
-            }
-            let z = self.noise.whiten(&system::residual(self.problem, &model));
-            let rows = z.iter().zip(&self.problem.rows);
-            rows.filter(|(_, row)| row.part == Part::HeldOut)
-                .map(|(z, _)| z * z)
-                .sum()
-        };
-        let borders = (0..BLOCKS).map(|k| from + (to - from) * k as f64 / BLOCKS as f64);
-        let ends = borders.map(|off| (error(off), off));
-        let Some((least, off)) = ends.min_by(|a, b| a.0.total_cmp(&b.0)) else {
-            return;
-        };
-        let price = 2.0 * (BLOCKS as f64).ln() + (self.problem.count(Part::HeldOut) as f64).ln();
-        if error(found.inner[1]) - least > price {
-            found.inner[1] = off;
-        }
-    }
-
-    fn on_line(&self, term: &Term) -> Result<Option<Found>> {
-        let frequencies = self.frequencies(SLOWEST_LINE);
-        let Some(hertz) = self.strongest_line(&frequencies) else {
-            return Ok(None);
-        };
-        let step = frequencies.get(1).map_or(hertz, |f| f - frequencies[0]);
-        let inner = [hertz, 0.0];
-        let Some(score) = self.with(term, inner)? else {
-            return Ok(None);
-        };
-        let mut found = Found {
-            inner,
-            score,
-            tried: frequencies.len(),
-        };
-        self.refine(term, 0, (hertz - step, hertz + step), &mut found)?;
-        Ok(Some(found))
-    }
-
-    /// Frequencies half a resolution cell apart, in Hz, from that many cells on, and from where they are sought at all, up to
-    /// where the windows pass little.
-    pub fn frequencies(&self, slowest: usize) -> Vec<f64> {
-        let seen = TRAIN_SHARE * self.survey.duration;
-        let step = 0.5 / seen.max(f64::MIN_POSITIVE);
-        let most = (PASSED / self.survey.half_width / step) as usize;
-        let least = (2 * slowest).max((self.slowest / step).ceil() as usize);
-        (least..most).map(|k| k as f64 * step).collect()
-    }
-
-    /// The frequency at which a sine and a cosine in time take most off the residual, of frequencies that are equally far
-    /// apart.
-    pub fn strongest_line(&self, frequencies: &[f64]) -> Option<f64> {
-        frequencies.get(1)?;
-        let projection = self.projection();
-        let gain =
-            |sin: &[f64], cos: &[f64]| projection.gain(&self.noise.whiten_training([sin, cos]));
-        let gains = phasor::each(&angular(frequencies), &self.times(), gain);
-        let gains = gains.into_iter().zip(frequencies);
-        gains.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, f)| *f)
-    }
-
-    /// Whitened sine and cosine in time, by their values at the centres of the windows.
-    pub fn line(&self, hertz: f64) -> Vec<Vec<f64>> {
-        let line = |sin: &[f64], cos: &[f64]| self.noise.whiten_all([sin, cos]);
-        let lines = phasor::each(&angular(&[hertz]), &self.times(), line);
-        lines.into_iter().flatten().collect()
-    }
-
-    /// Times of the centres of the windows, from the first sample on.
-    fn times(&self) -> Vec<f64> {
-        let at =
-            |row: &crate::problem::Row| row.centre as f64 * self.problem.tracks[row.track].period;
-        self.problem.rows.iter().map(at).collect()
     }
 
     /// Where a term can move the whitened residual to: its columns, or, of a term that changes the way of the input, by how
@@ -392,11 +266,6 @@ impl<'a> Ground<'a> {
         }
         Ok(())
     }
-}
-
-/// Angular frequencies.
-fn angular(hertz: &[f64]) -> Vec<f64> {
-    hertz.iter().map(|f| std::f64::consts::TAU * f).collect()
 }
 
 /// Gives the inner parameters that a term leaves open values, within its bounds.
