@@ -30,9 +30,9 @@ pub struct Axis {
     pub parameters: Parameters<f32>,
 }
 
-/// Of an emulator that is silent for longer, as one that was stopped, nothing more is expected. A machine that compiles on all
-/// its cores lets one wait for seconds.
-const DEAD: Duration = Duration::from_secs(20);
+/// Of an emulator that is silent for longer, as one that was stopped, nothing more is expected: it is started anew. A machine
+/// that compiles on all its cores lets one wait for seconds.
+const DEAD: Duration = Duration::from_secs(5);
 
 /// As a serial port waits while a board is looked for.
 const LOOKING: Duration = Duration::from_millis(400);
