@@ -88,6 +88,7 @@ impl Projection {
         let pairs = (0..sets.len()).flat_map(|j| (0..j).map(move |i| [i, j]));
         pairs.map(|[i, j]| ([i, j], of(i, j))).collect()
     }
+
     /// The run of consecutive columns whose sum takes most off: its first, and one past its last.
     ///
     /// `(Σ b)²/ΣΣ G` of every run, by cumulative sums along the diagonals.

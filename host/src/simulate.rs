@@ -108,6 +108,9 @@ fn run<const N: usize>(
     mut state: Memory<N>,
     may: impl Fn(&State) -> bool,
 ) -> Option<Vec<State>> {
+    if !may(&from) {
+        return None;
+    }
     let mut states = Vec::with_capacity(last - first + 1);
     states.push(from);
     let mut hold = Hold::at(&recording.t, &recording.u, first, &plant.path());
@@ -119,7 +122,7 @@ fn run<const N: usize>(
         }
         states.push(seen);
     }
-    may(&from).then_some(states)
+    Some(states)
 }
 
 /// Runs an axis, with the load behind its measured side if it has one, from sample `first` to sample `last`; one state for
