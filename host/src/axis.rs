@@ -190,7 +190,7 @@ fn numbers(
 
 /// The effect that hangs a load behind the measured side, if one does.
 fn hanging(model: &Model) -> Option<(&'static dyn Effect, Inner)> {
-    let mut loads = model.terms.iter().filter(|t| t.effect.seat() == Seat::Load);
+    let mut loads = model.terms.iter().filter(|t| t.effect.hangs());
     let term = loads.next()?;
     let (inner, _) = term.effect.linear(&system::values(term), model.scale());
     Some((term.effect, inner))

@@ -386,7 +386,7 @@ impl Sides {
 pub fn columns(problem: &Problem, model: &Model, term: &Term) -> Vec<Column> {
     let effect = term.effect;
     let (inner, _) = effect.linear(&values(term), model.scale());
-    if effect.seat() == Seat::Load {
+    if effect.hangs() {
         return problem.load(effect, inner);
     }
     if effect.seat() != Seat::Sensor {
@@ -529,7 +529,7 @@ const HEAVIEST_LOAD: f64 = 0.95;
 /// Whether physics allows the coefficients of an effect on an axis of some inertia.
 fn allowed(effect: &dyn Effect, coefficients: &[f64], inertia: Option<f64>) -> bool {
     let heaviest = HEAVIEST_LOAD * inertia.unwrap_or(f64::INFINITY);
-    let carried = effect.seat() != Seat::Load || coefficients.iter().all(|c| *c < heaviest);
+    let carried = !effect.hangs() || coefficients.iter().all(|c| *c < heaviest);
     carried && effect.admissible(coefficients)
 }
 

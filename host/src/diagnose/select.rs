@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::trial::{Base, Trial};
 use super::{confirm, pairs};
-use crate::effects::{self, Effect, Seat};
+use crate::effects::{self, Effect};
 use crate::error::Result;
 use crate::fit::{self, Parts};
 use crate::identify::Workbench;
@@ -129,9 +129,8 @@ fn passes(trial: &Trial) -> bool {
 /// Whether a model has room for an effect: it does not have it yet, such an axis can show it, and only one load can hang on
 /// an axis.
 pub(super) fn fits_in(effect: &dyn Effect, model: &Model) -> bool {
-    let hangs = |e: &dyn Effect| e.seat() == Seat::Load;
-    let loaded = model.terms.iter().any(|t| hangs(t.effect));
-    let room = !(loaded && hangs(effect));
+    let loaded = model.terms.iter().any(|t| t.effect.hangs());
+    let room = !(loaded && effect.hangs());
     room && effect.unsuited(model.given()).is_none() && !model.has(effect.id())
 }
 

@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 use super::confirm::confirmed;
 use super::select::{FLOOR, LEAST_DELTA_BIC, Scope, Selection};
 use super::trial::{Base, Trial};
-use crate::effects::{Effect, Quantity, Seat, Survey};
+use crate::effects::{Effect, Quantity, Survey};
 use crate::error::{Error, Result};
 use crate::fit;
 use crate::identify::Workbench;
@@ -127,14 +127,14 @@ impl Closer<'_> {
         let fine = &self.fine[at];
         let (survey, slowest) = (fine.problem.survey(&self.found.1), self.slowest);
         let passes = |trial: &Trial| {
-            let (share, evidence) = if hangs(trial.effect) {
+            let (share, evidence) = if trial.effect.hangs() {
                 (FLOOR, LEAST_DELTA_BIC)
             } else {
                 (LINE_SHARE, LINE_EVIDENCE * LEAST_DELTA_BIC)
             };
             trial.certain && trial.reaches(share, evidence) && pace(trial, &survey) >= slowest
         };
-        let sought = |e: &dyn Effect| e.fast() && (loads || !hangs(e));
+        let sought = |e: &dyn Effect| e.fast() && (loads || !e.hangs());
         let scope = Scope {
             bench: fine,
             usual: self.usual,
@@ -158,10 +158,10 @@ impl Closer<'_> {
     /// than all that is found without one: the noise that moves the axis moves a supposed load, too, and in the weak form
     /// its resonance follows the colour of that noise; a free run knows of no noise.
     fn contested(&self, at: usize, more: Selection) -> Result<Option<(Selection, usize)>> {
-        let Some(load) = more.1.terms.iter().rfind(|t| hangs(t.effect)) else {
+        let Some(load) = more.1.terms.iter().rfind(|t| t.effect.hangs()) else {
             return Ok(Some((more, at)));
         };
-        if !fast_ones(&more).any(hangs) {
+        if !fast_ones(&more).any(|e| e.hangs()) {
             return Ok(Some((more, at)));
         }
         let mut best = (self.error(&self.found.1)?, None);
@@ -202,11 +202,6 @@ impl Closer<'_> {
         let tracks = &self.usual.problem.tracks;
         Ok(fit::part(Part::HeldOut, model, self.recordings, tracks)?.nrmse)
     }
-}
-
-/// Whether an effect is a load behind the axis.
-fn hangs(effect: &dyn Effect) -> bool {
-    effect.seat() == Seat::Load
 }
 
 /// The fast effects of a selection.

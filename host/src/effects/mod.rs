@@ -113,6 +113,10 @@ pub trait Effect: Sync {
     fn seat(&self) -> Seat {
         Seat::Torque
     }
+    /// Whether it is a load behind the measured side.
+    fn hangs(&self) -> bool {
+        self.seat() == Seat::Load
+    }
     /// Whether its torque depends on the input.
     fn driven(&self) -> bool {
         false

@@ -14,7 +14,6 @@ pub use mass_spring::mass_spring;
 pub use wheel_slip::WheelSlip;
 
 use crate::axis::Axis;
-use crate::effects::Seat;
 use crate::error::{Error, Result};
 use crate::model::{Kind, Model};
 use crate::recording::Recording;
@@ -57,7 +56,7 @@ pub fn new(model: &Model) -> Result<Box<dyn Plant>> {
 /// Only an axis can carry a load behind its measured side; the other plants have their own.
 fn refuse_loads(model: &Model) -> Result<()> {
     let mut terms = model.terms.iter();
-    match terms.find(|t| t.effect.seat() == Seat::Load) {
+    match terms.find(|t| t.effect.hangs()) {
         Some(term) if model.kind != Kind::Axis => Err(Error::Usage(format!(
             "[effects.{}] hangs a load on the axis, and plant.kind = {:?} has a mechanism of its own; leave the effect out",
             term.effect.id(),
