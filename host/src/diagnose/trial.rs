@@ -178,7 +178,7 @@ impl<'a> Base<'a> {
     /// The strongest line in the spectrum of the residual over time, as two columns.
     pub fn spectral_line(&self) -> Vec<Vec<f64>> {
         let ground = &self.ground;
-        let hertz = ground.strongest_line(&ground.frequencies(SLOWEST_LINE));
+        let hertz = ground.strongest_line(&ground.frequencies());
         hertz.map_or_else(Vec::new, |f| ground.line(f))
     }
 }
@@ -204,7 +204,5 @@ const SPELL: f64 = 0.5;
 /// Half-widths of windows from which on two rows have no noise in common: the windows themselves reach over two of them,
 /// coloured torque noise a little further.
 const APART: f64 = 3.0;
-/// Periods within the recording from which on a line is one: the functions of time describe slower ones.
-const SLOWEST_LINE: usize = 2;
 /// Relative ridge on the generic columns: neighbouring hats nearly add up to columns of the model.
 const GENERIC_RIDGE: f64 = 1e-5;

@@ -9,12 +9,12 @@ use crate::weak::TRAIN_SHARE;
 
 /// Frequencies up to this number over the half-width pass the test functions with a tenth of their amplitude.
 const PASSED: f64 = 0.8;
-/// Resolution cells below which a line is a drift.
+/// Resolution cells, which are periods within the recording, below which a line is a drift: the functions of time describe it.
 const SLOWEST_LINE: usize = 2;
 
 impl Ground<'_> {
     pub(super) fn on_line(&self, term: &Term) -> Result<Option<Found>> {
-        let frequencies = self.frequencies(SLOWEST_LINE);
+        let frequencies = self.frequencies();
         let Some(hertz) = self.strongest_line(&frequencies) else {
             return Ok(None);
         };
@@ -32,13 +32,13 @@ impl Ground<'_> {
         Ok(Some(found))
     }
 
-    /// Frequencies half a resolution cell apart, in Hz, from that many cells on, and from where they are sought at all, up to
-    /// where the windows pass little.
-    pub fn frequencies(&self, slowest: usize) -> Vec<f64> {
+    /// Frequencies half a resolution cell apart, in Hz, from where a line is no drift and is sought at all, up to where the
+    /// windows pass little.
+    pub fn frequencies(&self) -> Vec<f64> {
         let seen = TRAIN_SHARE * self.survey.duration;
         let step = 0.5 / seen.max(f64::MIN_POSITIVE);
         let most = (PASSED / self.survey.half_width / step) as usize;
-        let least = (2 * slowest).max((self.slowest / step).ceil() as usize);
+        let least = (2 * SLOWEST_LINE).max((self.slowest / step).ceil() as usize);
         (least..most).map(|k| k as f64 * step).collect()
     }
 
