@@ -20,7 +20,7 @@ use crate::noise::Noise;
 use crate::problem::{Direction, Problem};
 use crate::recording::Recording;
 use crate::refine;
-use crate::scan::{self, Ground, Inertias};
+use crate::scan::{self, Ground, Inertias, Setting};
 use crate::system::{self, System};
 use crate::weak::{Balance, Part, Track};
 
@@ -375,14 +375,14 @@ impl Workbench {
 
     /// A model as the ground for one more term; `None` if the recordings do not determine it.
     pub fn ground<'a>(&'a self, model: &'a Model) -> Result<Option<Ground<'a>>> {
-        Ground::new(
-            &self.problem,
-            &self.noise,
-            &self.blocks,
-            model,
-            self.inertias,
-            self.slowest,
-        )
+        let setting = Setting {
+            problem: &self.problem,
+            noise: &self.noise,
+            blocks: &self.blocks,
+            inertias: self.inertias,
+            slowest: self.slowest,
+        };
+        Ground::new(setting, model)
     }
 }
 

@@ -52,16 +52,23 @@ impl Ground<'_> {
     fn end_later(&self, term: &Term, found: &mut Found) {
         let (from, to) = (TRAIN_SHARE * self.survey.duration, self.survey.duration);
         let mut model = self.model_with(term, found.inner);
-        let columns = system::columns(self.problem, &model, &model.terms[model.terms.len() - 1]);
-        let system = self.system.extended(&model, &columns, self.noise);
+        let columns = system::columns(
+            self.setting.problem,
+            &model,
+            &model.terms[model.terms.len() - 1],
+        );
+        let system = self.system.extended(&model, &columns, self.setting.noise);
         system.decode(&found.score.beta, &mut model);
         let error = |off: f64| -> f64 {
             let mut model = model.clone();
             if let Some(last) = model.terms.last_mut() {
                 set_inner(last, [found.inner[0], off]);
             }
-            let z = self.noise.whiten(&system::residual(self.problem, &model));
-            let rows = z.iter().zip(&self.problem.rows);
+            let z = self
+                .setting
+                .noise
+                .whiten(&system::residual(self.setting.problem, &model));
+            let rows = z.iter().zip(&self.setting.problem.rows);
             rows.filter(|(_, row)| row.part == Part::HeldOut)
                 .map(|(z, _)| z * z)
                 .sum()
@@ -71,7 +78,8 @@ impl Ground<'_> {
         let Some((least, off)) = ends.min_by(|a, b| a.0.total_cmp(&b.0)) else {
             return;
         };
-        let price = 2.0 * (BLOCKS as f64).ln() + (self.problem.count(Part::HeldOut) as f64).ln();
+        let price =
+            2.0 * (BLOCKS as f64).ln() + (self.setting.problem.count(Part::HeldOut) as f64).ln();
         if error(found.inner[1]) - least > price {
             found.inner[1] = off;
         }

@@ -38,7 +38,7 @@ impl Ground<'_> {
         let seen = TRAIN_SHARE * self.survey.duration;
         let step = 0.5 / seen.max(f64::MIN_POSITIVE);
         let most = (PASSED / self.survey.half_width / step) as usize;
-        let least = (2 * SLOWEST_LINE).max((self.slowest / step).ceil() as usize);
+        let least = (2 * SLOWEST_LINE).max((self.setting.slowest / step).ceil() as usize);
         (least..most).map(|k| k as f64 * step).collect()
     }
 
@@ -47,8 +47,9 @@ impl Ground<'_> {
     pub fn strongest_line(&self, frequencies: &[f64]) -> Option<f64> {
         frequencies.get(1)?;
         let projection = self.projection();
-        let gain =
-            |sin: &[f64], cos: &[f64]| projection.gain(&self.noise.whiten_training([sin, cos]));
+        let gain = |sin: &[f64], cos: &[f64]| {
+            projection.gain(&self.setting.noise.whiten_training([sin, cos]))
+        };
         let gains = phasor::each(&angular(frequencies), &self.times(), gain);
         let gains = gains.into_iter().zip(frequencies);
         gains.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, f)| *f)
@@ -56,15 +57,15 @@ impl Ground<'_> {
 
     /// Whitened sine and cosine in time, by their values at the centres of the windows.
     pub fn line(&self, hertz: f64) -> Vec<Vec<f64>> {
-        let line = |sin: &[f64], cos: &[f64]| self.noise.whiten_all([sin, cos]);
+        let line = |sin: &[f64], cos: &[f64]| self.setting.noise.whiten_all([sin, cos]);
         let lines = phasor::each(&angular(&[hertz]), &self.times(), line);
         lines.into_iter().flatten().collect()
     }
 
     /// Times of the centres of the windows, from the first sample on.
     fn times(&self) -> Vec<f64> {
-        let at = |row: &Row| row.centre as f64 * self.problem.tracks[row.track].period;
-        self.problem.rows.iter().map(at).collect()
+        let at = |row: &Row| row.centre as f64 * self.setting.problem.tracks[row.track].period;
+        self.setting.problem.rows.iter().map(at).collect()
     }
 }
 

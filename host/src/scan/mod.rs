@@ -15,15 +15,25 @@ use crate::projection::Projection;
 use crate::system::{self, System};
 use crate::weak::Part;
 
+/// What the recordings give, whatever the model.
+#[derive(Clone, Copy)]
+pub struct Setting<'a> {
+    /// Their weak form.
+    pub problem: &'a Problem,
+    /// Noise of the rows.
+    pub noise: &'a Noise,
+    /// Block of every training row: see [`linear::score`].
+    pub blocks: &'a [Option<usize>],
+    /// Room for the inertia, where it is known.
+    pub inertias: Option<Inertias>,
+    /// Hz from which on lines are sought.
+    pub slowest: f64,
+}
+
 /// A model with numbers, its whitened system and its score: what one more term is measured against.
 pub struct Ground<'a> {
-    problem: &'a Problem,
-    noise: &'a Noise,
-    blocks: &'a [Option<usize>],
+    setting: Setting<'a>,
     model: &'a Model,
-    inertias: Option<Inertias>,
-    /// Hz from which on lines are sought.
-    slowest: f64,
     /// The whitened system of the model.
     pub system: System,
     products: Products,
@@ -62,28 +72,17 @@ const IMPLAUSIBLE: f64 = 3.0;
 
 impl<'a> Ground<'a> {
     /// Sets up the ground; `None` if the recording does not determine the model.
-    pub fn new(
-        problem: &'a Problem,
-        noise: &'a Noise,
-        blocks: &'a [Option<usize>],
-        model: &'a Model,
-        inertias: Option<Inertias>,
-        slowest: f64,
-    ) -> Result<Option<Self>> {
-        let system = System::new(problem, model)?.whitened(noise);
-        let products = system.products(blocks);
+    pub fn new(setting: Setting<'a>, model: &'a Model) -> Result<Option<Self>> {
+        let system = System::new(setting.problem, model)?.whitened(setting.noise);
+        let products = system.products(setting.blocks);
         let scored = products.and_then(|p| Some((system.score_of(p.clone(), 0.0)?, p)));
         Ok(scored.map(|(score, products)| Self {
-            problem,
-            noise,
-            blocks,
+            setting,
             model,
-            inertias,
-            slowest,
             system,
             products,
             score,
-            survey: problem.survey(model),
+            survey: setting.problem.survey(model),
         }))
     }
 
@@ -140,8 +139,13 @@ impl<'a> Ground<'a> {
             term.effect.linear(&values, self.model.scale()).0
         };
         let inners: Vec<Inner> = grid.iter().map(inner).collect();
-        let (direction, path) = (self.problem.direction(self.model), system::path(self.model));
-        self.problem.waves(term.effect, &inners, &direction, &path);
+        let (direction, path) = (
+            self.setting.problem.direction(self.model),
+            system::path(self.model),
+        );
+        self.setting
+            .problem
+            .waves(term.effect, &inners, &direction, &path);
     }
 
     /// Where a term can move the whitened residual to: its columns, or, of a term that changes the way of the input, by how
@@ -151,8 +155,8 @@ impl<'a> Ground<'a> {
         if term.effect.width() > 0 {
             return Ok(Some(self.columns(&model)));
         }
-        let system = System::new(self.problem, &model)?.whitened(self.noise);
-        Ok(system.score(self.blocks).map(|score| {
+        let system = System::new(self.setting.problem, &model)?.whitened(self.setting.noise);
+        Ok(system.score(self.setting.blocks).map(|score| {
             let residual = |system: &System, beta| {
                 linear::residual(&system.response, &system.columns_and([]), beta)
             };
@@ -165,6 +169,7 @@ impl<'a> Ground<'a> {
     /// The fit of the model over the training rows.
     pub fn projection(&self) -> Projection {
         let seen: Vec<bool> = self
+            .setting
             .problem
             .rows
             .iter()
@@ -186,8 +191,9 @@ impl<'a> Ground<'a> {
         let Some(term) = model.terms.last() else {
             return Vec::new();
         };
-        let columns = system::columns(self.problem, model, term);
-        self.noise
+        let columns = system::columns(self.setting.problem, model, term);
+        self.setting
+            .noise
             .whiten_training(columns.iter().map(|c| c.as_slice()))
     }
 
@@ -196,12 +202,15 @@ impl<'a> Ground<'a> {
         let mut model = self.model_with(term, inner);
         let (system, score);
         if term.effect.width() == 0 {
-            system = System::new(self.problem, &model)?.whitened(self.noise);
-            score = system.score(self.blocks);
+            system = System::new(self.setting.problem, &model)?.whitened(self.setting.noise);
+            score = system.score(self.setting.blocks);
         } else {
-            let columns =
-                system::columns(self.problem, &model, &model.terms[model.terms.len() - 1]);
-            system = self.system.extended(&model, &columns, self.noise);
+            let columns = system::columns(
+                self.setting.problem,
+                &model,
+                &model.terms[model.terms.len() - 1],
+            );
+            system = self.system.extended(&model, &columns, self.setting.noise);
             score = system.score_of(self.products_with(&system.columns_and([])), 0.0);
         }
         Ok(score.filter(|s| system.decode(&s.beta, &mut model) && self.plausible(&model)))
@@ -210,7 +219,7 @@ impl<'a> Ground<'a> {
     /// The products of the model's columns with others, which come after them in `columns`.
     pub fn products_with(&self, columns: &[&[f64]]) -> Products {
         let response = &self.system.response;
-        self.products.with(response, columns, self.blocks)
+        self.products.with(response, columns, self.setting.blocks)
     }
 
     /// Whether a term left the inertia what it was, within reason: one next to proportional to the drive can take the
@@ -218,7 +227,8 @@ impl<'a> Ground<'a> {
     fn plausible(&self, model: &Model) -> bool {
         let inertia = |model: &Model| model.parameters()[model.moving_inertia()].clone();
         let (now, before) = (inertia(model), inertia(self.model));
-        let (Some(Inertias { least, most, .. }), Some(value)) = (self.inertias, now.value) else {
+        let (Some(Inertias { least, most, .. }), Some(value)) = (self.setting.inertias, now.value)
+        else {
             return true;
         };
         let off = |value: f64| (value / value.clamp(least, most)).ln().abs();
