@@ -18,10 +18,12 @@ use crate::scan;
 const MOST: usize = 5;
 
 /// Two effects that together explain what `model` leaves out better than a selection does: by as much as a further effect
-/// must where the selection has fewer, or else by the evidence alone. Each is the best one to add to the other.
+/// must where the selection has fewer, or else by the evidence alone. Each is the best one to add to the other. `alone` is what
+/// every effect does alone.
 pub(super) fn better(
     scope: &Scope,
     model: &Model,
+    alone: Vec<Trial>,
     (selected, current): (&[Selected], &Model),
     recordings: &[Recording],
 ) -> Result<Option<Selection>> {
@@ -35,7 +37,7 @@ pub(super) fn better(
     let criterion = than.score().chi2 + prices.sum::<f64>() - choice - LEAST_DELTA_BIC;
     let share = if selected.len() < 2 { FLOOR } else { 0.0 };
     let mut best: Option<(f64, [Trial; 2], Model)> = None;
-    for two in promising(&base, model, scope, selected, criterion)? {
+    for two in promising(&base, model, alone, selected, criterion)? {
         for (two, with) in fitted(bench, model, &two)? {
             let Some(together) = Base::new(bench, &with)? else {
                 continue;
@@ -80,12 +82,12 @@ fn fitted(bench: &Workbench, model: &Model, two: &[Trial; 2]) -> Result<Vec<([Tr
 fn promising(
     base: &Base,
     model: &Model,
-    scope: &Scope,
+    alone: Vec<Trial>,
     selected: &[Selected],
     criterion: f64,
 ) -> Result<Vec<[Trial; 2]>> {
     let mut candidates: Vec<(Trial, Vec<Vec<f64>>)> = Vec::new();
-    for trial in select::trials(base, model, scope.sought)? {
+    for trial in alone {
         let directions = base
             .ground
             .directions(&scan::open(trial.effect), trial.inner)?;

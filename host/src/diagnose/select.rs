@@ -79,7 +79,8 @@ pub(super) fn select(
     progress: &dyn Fn(&str),
 ) -> Result<Selection> {
     let bench = scope.bench;
-    let alone = selected.is_empty();
+    let from_nothing = selected.is_empty();
+    let mut alone = Vec::new();
     // A round that makes an earlier effect superfluous does not add to their number, hence the bound on rounds.
     for round in 1..=2 * MOST {
         if selected.len() == MOST {
@@ -91,7 +92,14 @@ pub(super) fn select(
             sought: &sought,
             ..*scope
         };
-        let Some(found) = best(&open, &current, |_| true, recordings)? else {
+        let Some(base) = Base::new(bench, &current)? else {
+            break;
+        };
+        let tried = trials(&base, &current, &sought)?;
+        if round == 1 {
+            alone = tried.clone();
+        }
+        let Some(found) = choose(&open, &current, tried, |_| true, recordings)? else {
             break;
         };
         let (next, _) = bench.estimate(&with_trial(&current, &found.trial))?;
@@ -99,9 +107,9 @@ pub(super) fn select(
         current = next;
         current = reexamine(scope, model, &mut selected, current, recordings)?;
     }
-    if alone
+    if from_nothing
         && !scope.fast
-        && let Some(pair) = pairs::better(scope, model, (&selected, &current), recordings)?
+        && let Some(pair) = pairs::better(scope, model, alone, (&selected, &current), recordings)?
     {
         progress("going on from two effects together");
         return select(scope, model, pair, recordings, progress);
@@ -143,7 +151,7 @@ fn taken(effect: &dyn Effect, selected: &[Selected]) -> bool {
 }
 
 /// Every effect that a model has room for, tried on it; best first.
-pub(super) fn trials(
+fn trials(
     base: &Base,
     model: &Model,
     sought: &(dyn Fn(&dyn Effect) -> bool + Sync),
@@ -166,13 +174,23 @@ pub(super) fn best(
     may_be_rescued: impl Fn(&dyn Effect) -> bool,
     recordings: &[Recording],
 ) -> Result<Option<Selected>> {
-    let bench = scope.bench;
-    let Some(base) = Base::new(bench, model)? else {
+    let Some(base) = Base::new(scope.bench, model)? else {
         return Ok(None);
     };
-    let (mut passing, rest): (Vec<Trial>, Vec<Trial>) = trials(&base, model, scope.sought)?
-        .into_iter()
-        .partition(scope.passes);
+    let tried = trials(&base, model, scope.sought)?;
+    choose(scope, model, tried, may_be_rescued, recordings)
+}
+
+/// The same of effects that have been tried.
+fn choose(
+    scope: &Scope,
+    model: &Model,
+    tried: Vec<Trial>,
+    may_be_rescued: impl Fn(&dyn Effect) -> bool,
+    recordings: &[Recording],
+) -> Result<Option<Selected>> {
+    let bench = scope.bench;
+    let (mut passing, rest): (Vec<Trial>, Vec<Trial>) = tried.into_iter().partition(scope.passes);
     let open = |trial: &Trial| worth_a_look(trial) && may_be_rescued(trial.effect);
     let rest: Vec<Trial> = rest.into_iter().filter(open).collect();
     if passing.is_empty() && !scope.fast && !rest.is_empty() {
