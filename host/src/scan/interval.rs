@@ -8,6 +8,9 @@ use crate::weak::{Part, TRAIN_SHARE};
 
 /// Blocks of time at whose borders an interval may begin and end.
 const BLOCKS: usize = 64;
+/// Windows side by side that must show the axis without a term of which it is said when it acts: with less, that is a guess
+/// from the first moments of a recording, which are unlike all others, and a constant says as much.
+const FEWEST_WITHOUT: f64 = 4.0;
 
 impl Ground<'_> {
     /// All intervals between the borders of equal blocks of time: with the projected columns of the blocks at hand, the
@@ -44,7 +47,9 @@ impl Ground<'_> {
         if off == BLOCKS {
             self.end_later(term, &mut found);
         }
-        Ok(Some(found))
+        let off = found.inner[1].min(end);
+        let without = end - (off - found.inner[0]);
+        Ok(Some(found).filter(|_| without >= FEWEST_WITHOUT * 2.0 * self.survey.half_width))
     }
 
     /// Where what is on at the end of the training part goes off in the held-out part, if it does: no past tells such an
