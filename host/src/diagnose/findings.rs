@@ -83,10 +83,10 @@ fn rivals(
     (selected, error_with_it): (&Selected, f64),
     recordings: &[Recording],
 ) -> Result<Vec<Rival>> {
-    let close = selected
-        .others
-        .iter()
-        .filter(|o| o.delta_bic >= 0.5 * selected.trial.delta_bic);
+    // It may be that one stood against it before another took a place that both need.
+    let close = selected.others.iter().filter(|o| {
+        o.delta_bic >= 0.5 * selected.trial.delta_bic && select::fits_in(o.effect, before)
+    });
     let rival = |other: &Trial| {
         let instead = bench.fit(&select::with_trial(before, other), recordings)?;
         Ok(Rival {
