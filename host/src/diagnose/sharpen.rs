@@ -3,8 +3,6 @@
 //! The narrow windows give the parameters of what they alone see; all others are better known from the usual ones, which
 //! keep the noise of the encoder out.
 
-use std::f64::consts::TAU;
-
 use super::confirm::confirmed;
 use super::select::{FLOOR, LEAST_DELTA_BIC, Scope, Selection};
 use super::trial::{Base, Trial};
@@ -13,7 +11,6 @@ use crate::error::{Error, Result};
 use crate::fit;
 use crate::identify::Workbench;
 use crate::model::{Model, Term};
-use crate::motion::Motion;
 use crate::recording::Recording;
 use crate::weak::Part;
 
@@ -215,9 +212,9 @@ fn pace(trial: &Trial, survey: &Survey) -> f64 {
     let scanned = trial.effect.inner();
     let periodic =
         scanned.is_some_and(|k| trial.effect.parameters()[k].quantity == Quantity::Periodicity);
-    match (periodic, survey.motion) {
-        (false, _) => trial.inner[0],
-        (true, Motion::Rotary) => trial.inner[0] * survey.top_speed / TAU,
-        (true, Motion::Linear) => trial.inner[0] * survey.top_speed,
+    if periodic {
+        survey.hertz(trial.inner[0])
+    } else {
+        trial.inner[0]
     }
 }

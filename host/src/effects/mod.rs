@@ -308,9 +308,10 @@ const MOST_PER_TURN: u32 = 120;
 /// Most periods within the travel of a linear axis that are tried.
 const MOST_IN_TRAVEL: u32 = 120;
 
-/// Periods per turn, whole numbers from `first` on, or per metre, as far as the travel tells them apart.
+/// Periods per turn, whole numbers from `first` on, or per metre, as far as the travel tells them apart and samples show
+/// them: of which more than half a one goes by in a sampling interval passes for another, and at that for noise.
 fn periodicities(survey: &Survey, first: u32) -> Vec<f64> {
-    match survey.motion {
+    let all: Vec<f64> = match survey.motion {
         // Only a whole number of periods closes on itself.
         Motion::Rotary => (first..=MOST_PER_TURN).map(f64::from).collect(),
         Motion::Linear => {
@@ -320,7 +321,10 @@ fn periodicities(survey: &Survey, first: u32) -> Vec<f64> {
                 .map(|k| f64::from(k) / (3.0 * travel))
                 .collect()
         }
-    }
+    };
+    let shown = |&periods: &f64| survey.hertz(periods) * survey.period < 0.5;
+    let count = all.iter().take_while(|periods| shown(periods)).count();
+    all[..count.max(1)].to_vec()
 }
 
 /// Why an axis cannot show what hangs on it, if it cannot.

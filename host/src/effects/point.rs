@@ -1,5 +1,7 @@
 //! What an effect sees: an instant of the motion, and what the recordings cover.
 
+use std::f64::consts::TAU;
+
 use crate::motion::Motion;
 
 /// An instant as the drive sees it.
@@ -79,6 +81,17 @@ pub struct Survey {
     pub coulomb: f64,
     /// Root mean square and largest size of the input, in its own unit.
     pub input: (f64, f64),
+}
+
+impl Survey {
+    /// How often what repeats so many times per turn or per metre does so in a second, at top speed.
+    pub fn hertz(&self, periods: f64) -> f64 {
+        periods
+            * match self.motion {
+                Motion::Rotary => self.top_speed / TAU,
+                Motion::Linear => self.top_speed,
+            }
+    }
 }
 
 /// What decides whether an effect can be told at all.
