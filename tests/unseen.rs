@@ -227,3 +227,73 @@ fn a_winding_that_the_model_knows_is_no_lag() {
     let id = folder.json("lacks.json")["findings"][0]["id"].clone();
     assert!(id == "actuator-lag" || id == "delay", "{id}");
 }
+
+/// Diagnoses what `simulate` records of an axis under these options.
+fn diagnosed_of(truth: &str, baseline: &str, options: &str) -> Value {
+    let folder = Folder::new();
+    folder.write("truth.toml", truth);
+    folder.write("axis.toml", baseline);
+    folder.done(&format!(
+        "simulate --model truth.toml {options} --out run.csv"
+    ));
+    folder.done("diagnose run.csv --model axis.toml --json out.json");
+    folder.json("out.json")
+}
+
+/// A wrong value is no physics left out: thermal drift with a time constant of hours and powers of velocity imitate it.
+#[test]
+fn friction_that_the_file_gives_wrongly_is_said_so() {
+    let options = "--excite multisine --amplitude 1.5 --band 0.2:2 --control pd --duration 20 --rate 500 --counts 65536 --noise 0.005";
+    let given = |value: &str| BASELINE.replace("coulomb = \"?\"", &format!("coulomb = {value}"));
+    for wrong in ["0", "0.08", "0.2"] {
+        let json = diagnosed_of(PLAIN, &given(wrong), options);
+        let text = json["text"].as_str().unwrap_or_default();
+        assert_eq!(json["verdict"], "unknown", "{text}");
+        assert!(
+            text.contains(&format!("coulomb is given as {wrong} ")),
+            "{text}"
+        );
+        assert_eq!(json["findings"], serde_json::json!([]));
+    }
+    let right = diagnosed_of(PLAIN, &given("0.12"), options);
+    assert_eq!(right["verdict"], "adequate", "{}", right["text"]);
+    // Beside what is really left out, a right value stands.
+    let gravity = diagnosed_of(UNBALANCED, &given("0.12"), options);
+    assert_eq!(
+        gravity["findings"][0]["id"], "gravity",
+        "{}",
+        gravity["text"]
+    );
+}
+
+/// The first moments of a recording are unlike all others, but a load that is there from then on is a constant.
+#[test]
+fn a_constant_load_is_no_step() {
+    let leaning = format!("{PLAIN}[effects.direction-asymmetry]\noffset = 0.05\n");
+    for options in [
+        "--excite chirp --amplitude 0.35 --band 0.2:2 --seed 1",
+        "--excite multisine --amplitude 0.35 --band 0.2:2 --seed 8",
+    ] {
+        let sensors = "--duration 20 --rate 1000 --counts 65536 --noise 0.003";
+        let json = diagnosed_of(&leaning, BASELINE, &format!("{options} {sensors}"));
+        let finding = &json["findings"][0];
+        assert_eq!(finding["id"], "direction-asymmetry", "{}", json["text"]);
+        let rivals = finding["rivals"].as_array().expect("rivals");
+        assert!(rivals.iter().all(|r| r["id"] != "load-step"), "{rivals:?}");
+        // The second one visits positions that only one block of time does.
+        assert_eq!(json["warnings"], serde_json::json!([]));
+    }
+}
+
+/// At 200 samples a second, 120 periods a turn go by faster than half a one in a sample, and the same way back and forth
+/// makes noise look periodic in position.
+#[test]
+fn noise_is_not_periodic_in_position() {
+    for seed in [1, 3, 4, 5, 6] {
+        let options = format!(
+            "--excite triangle --amplitude 3 --band 0.5:1 --control pd --bandwidth 6 --duration 20 --rate 200 --counts 4096 --noise 0.003 --seed {seed}"
+        );
+        let json = diagnosed_of(PLAIN, BASELINE, &options);
+        assert_eq!(json["verdict"], "adequate", "seed {seed}: {}", json["text"]);
+    }
+}

@@ -2,12 +2,14 @@
 
 mod confirm;
 mod findings;
+mod given;
 mod leftover;
 mod locate;
 mod outcome;
 mod pairs;
 mod select;
 mod sharpen;
+mod told;
 mod trial;
 
 pub use findings::{estimate, estimates};
@@ -18,7 +20,9 @@ pub use outcome::{
 };
 
 use crate::check;
+use crate::effects::Effect;
 use crate::error::Result;
+use crate::format;
 use crate::identify::{Identified, Workbench};
 use crate::model::Model;
 use crate::recording::Recording;
@@ -26,8 +30,8 @@ use crate::system;
 use confirm::confirmed;
 use findings::findings;
 use leftover::Leftover;
-use select::Scope;
-use sharpen::sharpened;
+use select::{Scope, Selection};
+use sharpen::{Fast, sharpened};
 
 /// A model whose free run errs by more than this share of the motion on both parts is not adequate, whatever the weak
 /// form can tell apart.
@@ -52,20 +56,22 @@ pub fn diagnose(
     progress: &dyn Fn(&str),
 ) -> Result<Outcome> {
     let before = &baseline.model;
-    let nothing = (Vec::new(), before.clone());
-    let found = confirmed(&Scope::usual(bench), before, &nothing, recordings, progress)?;
-    let ((selected, after), fine) = sharpened(bench, before, found, recordings, progress)?;
+    let Found {
+        selection: (selected, after),
+        fine,
+        settled,
+    } = found(bench, before, recordings, progress)?;
     progress("looking for what is left");
     let base_error = error(bench, before)?;
     let mut leftover = leftover::of(bench, &after)?;
     let remaining = error(bench, &after)?;
     let reached = (base_error - remaining)
         / (base_error - remaining * (1.0 - leftover.gain)).max(f64::MIN_POSITIVE);
-    let certain = leftover.certain;
     let little = leftover.size < select::SOUGHT && reached >= 1.0 - select::FLOOR;
-    let significant = certain && (selected.is_empty() || !little);
-    let (selected, mut after) = if significant && reached < SHARE_OF_GENERIC && !selected.is_empty()
-    {
+    let significant = leftover.certain && (selected.is_empty() || !little);
+    let given = given::refuted(bench, before, (base_error, remaining))?;
+    let misnamed = given.is_some() || significant && reached < SHARE_OF_GENERIC;
+    let (selected, after) = if misnamed && !selected.is_empty() {
         leftover = leftover::of(bench, before)?;
         (Vec::new(), before.clone())
     } else {
@@ -74,17 +80,13 @@ pub fn diagnose(
     let departure = confirm::departure(bench, &after);
     let departs = selected.is_empty() && departure > DEPARTS && leftover::counts(bench, &after);
     progress("how certain it is");
+    let after = if selected.is_empty() { after } else { settled };
     // What windows of the usual width do not show is told by those that do.
     let fine = fine.filter(|_| !selected.is_empty());
-    match &fine {
-        Some(fast) => after = fast.settle(bench, &after, recordings)?,
-        None if !selected.is_empty() => bench.settle(&mut after, recordings),
-        None => {}
-    }
     let bench = fine.as_ref().map_or(bench, |fast| &fast.bench);
     let hopeless =
         selected.is_empty() && baseline.fit.train.nrmse.min(baseline.fit.held_out.nrmse) > HOPELESS;
-    let verdict = if significant || departs || hopeless {
+    let verdict = if significant || departs || hopeless || given.is_some() {
         Verdict::Unknown
     } else if selected.is_empty() {
         Verdict::Adequate
@@ -104,19 +106,28 @@ pub fn diagnose(
         whitened(bench, &after)
     };
     let warnings = check::warnings(bench, before, recordings);
+    let certain = leftover.certain;
     let leftover = unexplained(&leftover);
     let remains = certain.then_some(&leftover);
-    let unexplained = remains.filter(|_| significant).cloned();
+    let unexplained = remains.filter(|_| verdict == Verdict::Unknown).cloned();
+    let place = locate::locate(bench, before, &z_before, &z_after);
+    let text = match given {
+        Some(given) => format!(
+            "The friction that the model file gives does not hold: {given}. Correct it or write \"?\" in its place, and diagnose again; until then, what else is left out cannot be told from it."
+        ),
+        None if departs && remains.is_none() => departure_sentence(&place),
+        None => verdict_sentence(verdict, &findings, remains, !warnings.is_empty()),
+    };
     let diagnosis = Diagnosis {
         schema: "bristle.diagnosis/1",
         verdict,
-        text: verdict_sentence(verdict, &findings, remains, departs, !warnings.is_empty()),
+        text,
         warnings,
         baseline: Baseline {
             parameters: estimates(before, None),
             fit: baseline.fit,
         },
-        place: locate::locate(bench, before, &z_before, &z_after),
+        place,
         findings,
         unexplained,
         leftover,
@@ -133,6 +144,53 @@ pub fn diagnose(
         before: before.clone(),
         after,
     })
+}
+
+/// What the search ends with.
+struct Found {
+    selection: Selection,
+    /// The narrower windows that fast effects were found under, if any were.
+    fine: Option<Fast>,
+    /// The model of the selection with errors that count what smoothing does.
+    settled: Model,
+}
+
+/// The search, repeated without the effect that its own errors refute most as long as there is one.
+fn found(
+    bench: &Workbench,
+    before: &Model,
+    recordings: &[Recording],
+    progress: &dyn Fn(&str),
+) -> Result<Found> {
+    let nothing = (Vec::new(), before.clone());
+    let mut refuted: Vec<&str> = Vec::new();
+    loop {
+        let sought = |effect: &dyn Effect| !refuted.contains(&effect.id());
+        let scope = Scope {
+            sought: &sought,
+            ..Scope::usual(bench)
+        };
+        let usual = confirmed(&scope, before, &nothing, recordings, progress)?;
+        let (selection, fine) = sharpened(&scope, before, usual, recordings, progress)?;
+        let mut settled = selection.1.clone();
+        match &fine {
+            Some(fast) => settled = fast.settle(bench, &settled, recordings)?,
+            None if !selection.0.is_empty() => bench.settle(&mut settled, recordings),
+            None => {}
+        }
+        let named = settled.terms[before.terms.len()..].iter();
+        let doubts = named.filter_map(|term| Some((told::doubt(term)?, term.effect.id())));
+        match doubts.min_by(|a, b| a.0.total_cmp(&b.0)) {
+            Some((_, id)) => refuted.push(id),
+            None => {
+                return Ok(Found {
+                    selection,
+                    fine,
+                    settled,
+                });
+            }
+        }
+    }
 }
 
 fn unexplained(leftover: &Leftover) -> Unexplained {
@@ -156,11 +214,19 @@ fn whitened(bench: &Workbench, model: &Model) -> Vec<f64> {
     residual
 }
 
+/// What to say of a held-out part that is unlike the rest.
+fn departure_sentence(place: &Where) -> String {
+    let spans = place.time.iter().map(|span| format::range(*span, "s"));
+    let when = spans.collect::<Vec<_>>().join(" and ");
+    format!(
+        "The last 30 % of the recording, which no fit has seen, depart from what the rest says, most of all at {when}: something acts there that the rest does not show. If something touched the axis then, record again without; otherwise so that all levels of drive, speed and position come early and late."
+    )
+}
+
 fn verdict_sentence(
     verdict: Verdict,
     findings: &[Finding],
     remains: Option<&Unexplained>,
-    departs: bool,
     doubtful: bool,
 ) -> String {
     let names: Vec<String> = findings
@@ -186,9 +252,6 @@ fn verdict_sentence(
         }
         Verdict::Unknown => {
             let Some(unexplained) = remains else {
-                if departs {
-                    return "The last 30 % of the recording, which no fit has seen, depart from what the rest says: something acts there that the rest does not show. Record again so that all levels of drive, speed and position come early and late.".to_owned();
-                }
                 return "The model hardly predicts the motion, and the recording is too noisy or too uniform to tell what is left out: record again with both directions, several speeds and reversals.".to_owned();
             };
             let coordinate = unexplained

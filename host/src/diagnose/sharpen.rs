@@ -64,15 +64,16 @@ impl Fast {
     }
 }
 
-/// Adds fast effects to a selection that windows of the usual width have led to.
+/// Adds fast effects, of those that are sought, to a selection that windows of the usual width have led to.
 pub(super) fn sharpened(
-    bench: &Workbench,
+    scope: &Scope,
     before: &Model,
     found: Selection,
     recordings: &[Recording],
     progress: &dyn Fn(&str),
 ) -> Result<(Selection, Option<Fast>)> {
     progress("looking closer, with narrower windows");
+    let bench = scope.bench;
     let usual = bench.problem.half_width();
     let slowest = DULLED / usual;
     let fine = |narrower: f64| bench.narrowed(&found.1, usual / narrower, slowest).ok();
@@ -82,6 +83,7 @@ pub(super) fn sharpened(
     let closer = Closer {
         fine: &fine,
         usual: bench,
+        sought: scope.sought,
         slowest,
         before,
         found: &found,
@@ -109,6 +111,7 @@ fn with_windows(more: Selection, at: usize, mut fine: Vec<Workbench>) -> (Select
 struct Closer<'a> {
     fine: &'a [Workbench],
     usual: &'a Workbench,
+    sought: &'a (dyn Fn(&dyn Effect) -> bool + Sync),
     /// Hz from which on usual windows dull.
     slowest: f64,
     before: &'a Model,
@@ -131,7 +134,7 @@ impl Closer<'_> {
             };
             trial.certain && trial.reaches(share, evidence) && pace(trial, &survey) >= slowest
         };
-        let sought = |e: &dyn Effect| e.fast() && (loads || !e.hangs());
+        let sought = |e: &dyn Effect| e.fast() && (self.sought)(e) && (loads || !e.hangs());
         let scope = Scope {
             bench: fine,
             usual: self.usual,
