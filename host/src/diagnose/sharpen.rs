@@ -161,7 +161,7 @@ impl Closer<'_> {
         let Some(load) = more.1.terms.iter().rfind(|t| t.effect.hangs()) else {
             return Ok(Some((more, at)));
         };
-        if !fast_ones(&more).any(|e| e.hangs()) {
+        if !fast_ones(&more).any(Effect::hangs) {
             return Ok(Some((more, at)));
         }
         let mut best = (self.error(&self.found.1)?, None);
