@@ -9,6 +9,11 @@ use crate::recording::Recording;
 
 /// A rotary axis under two sines of torque, integrated here in small steps; 1 kHz, 24 s, 16384 counts.
 fn recording() -> Recording {
+    recording_under(|_| 0.0)
+}
+
+/// The same against a torque that depends on the position.
+fn recording_under(load: impl Fn(f64) -> f64) -> Recording {
     let (inertia, coulomb, viscous, h) = (0.01, 0.15, 0.02, 1e-4);
     let drive = |t: f64| 0.5 * (1.3 * t).sin() + 0.3 * (4.1 * t + 0.4).sin();
     let (mut q, mut v) = (0.0_f64, 0.0_f64);
@@ -21,7 +26,7 @@ fn recording() -> Recording {
         position.push((q / count).floor() * count);
         for _ in 0..10 {
             // Implicit Coulomb step (Moreau): the axis rests exactly where friction can hold it.
-            let free = v + h / inertia * (drive(now) - viscous * v);
+            let free = v + h / inertia * (drive(now) - viscous * v - load(q));
             let held = h / inertia * coulomb;
             v = free.signum() * (free.abs() - held).max(0.0);
             q += h * v;
@@ -157,8 +162,8 @@ fn data(page: &str) -> serde_json::Value {
 
 #[test]
 fn a_diagnosis_is_self_contained_and_complete() {
-    let recordings = [recording()];
-    let model = model("coulomb = 0.15\nviscous = 0.0\n");
+    let recordings = [recording_under(|q| 0.1 * q.sin())];
+    let model = model("coulomb = 0.15\nviscous = \"?\"\n");
     let (bench, baseline) = identify(&recordings, &model, Options::default()).unwrap();
     let outcome = diagnose(&bench, &baseline, &recordings, &|_| {}).unwrap();
     let page = diagnosis(&outcome, None, &bench, &recordings).unwrap();
