@@ -19,12 +19,12 @@ pub(super) fn refuted(
     (error_before, remaining): (f64, f64),
 ) -> Result<Option<String>> {
     let given = friction(model);
+    if given.is_empty() {
+        return Ok(None);
+    }
     let mut free = model.clone();
     for &k in &given {
         free.parameters_mut()[k].known = false;
-    }
-    if given.is_empty() {
-        return Ok(None);
     }
     // A recording may not tell all of them.
     let Ok((mut free, _)) = bench.estimate(&free) else {

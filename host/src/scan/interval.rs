@@ -44,12 +44,14 @@ impl Ground<'_> {
                 self.refine(term, 1, (border(off - 1), border(off + 1)), &mut found)?;
             }
         }
+        let without = end - (found.inner[1].min(end) - found.inner[0]);
+        if without < FEWEST_WITHOUT * 2.0 * self.survey.half_width {
+            return Ok(None);
+        }
         if off == BLOCKS {
             self.end_later(term, &mut found);
         }
-        let off = found.inner[1].min(end);
-        let without = end - (off - found.inner[0]);
-        Ok(Some(found).filter(|_| without >= FEWEST_WITHOUT * 2.0 * self.survey.half_width))
+        Ok(Some(found))
     }
 
     /// Where what is on at the end of the training part goes off in the held-out part, if it does: no past tells such an
@@ -57,13 +59,7 @@ impl Ground<'_> {
     fn end_later(&self, term: &Term, found: &mut Found) {
         let (from, to) = (TRAIN_SHARE * self.survey.duration, self.survey.duration);
         let mut model = self.model_with(term, found.inner);
-        let columns = system::columns(
-            self.setting.problem,
-            &model,
-            &model.terms[model.terms.len() - 1],
-        );
-        let system = self.system.extended(&model, &columns, self.setting.noise);
-        system.decode(&found.score.beta, &mut model);
+        self.extended(&model).decode(&found.score.beta, &mut model);
         let error = |off: f64| -> f64 {
             let mut model = model.clone();
             if let Some(last) = model.terms.last_mut() {

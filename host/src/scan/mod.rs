@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::linear::{self, Products, Score};
 use crate::model::{Model, Term};
 use crate::noise::Noise;
-use crate::problem::Problem;
+use crate::problem::{Column, Problem};
 use crate::projection::Projection;
 use crate::system::{self, System};
 use crate::weak::Part;
@@ -188,13 +188,24 @@ impl<'a> Ground<'a> {
     }
 
     fn columns(&self, model: &Model) -> Vec<Vec<f64>> {
-        let Some(term) = model.terms.last() else {
-            return Vec::new();
-        };
-        let columns = system::columns(self.setting.problem, model, term);
+        let columns = self.raw_columns(model);
         self.setting
             .noise
             .whiten_training(columns.iter().map(|c| c.as_slice()))
+    }
+
+    /// The columns of the last term of a model.
+    fn raw_columns(&self, model: &Model) -> Vec<Column> {
+        let term = model.terms.last();
+        term.map_or_else(Vec::new, |term| {
+            system::columns(self.setting.problem, model, term)
+        })
+    }
+
+    /// The system with the last term of a model besides.
+    fn extended(&self, model: &Model) -> System {
+        let columns = self.raw_columns(model);
+        self.system.extended(model, &columns, self.setting.noise)
     }
 
     /// The score of the model with a term, if physics allows the coefficients that it comes out with.
@@ -205,12 +216,7 @@ impl<'a> Ground<'a> {
             system = System::new(self.setting.problem, &model)?.whitened(self.setting.noise);
             score = system.score(self.setting.blocks);
         } else {
-            let columns = system::columns(
-                self.setting.problem,
-                &model,
-                &model.terms[model.terms.len() - 1],
-            );
-            system = self.system.extended(&model, &columns, self.setting.noise);
+            system = self.extended(&model);
             score = system.score_of(self.products_with(&system.columns_and([])), 0.0);
         }
         Ok(score.filter(|s| system.decode(&s.beta, &mut model) && self.plausible(&model)))
