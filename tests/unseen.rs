@@ -12,16 +12,22 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
 
-/// Makes a recording of an axis with an effect and diagnoses it against Coulomb and viscous friction.
-fn diagnosed(effect: &str, bench: &str) -> Value {
+/// Diagnoses what `simulate` records of an axis under these options.
+fn diagnosed_of(truth: &str, baseline: &str, options: &str) -> Value {
     let folder = Folder::new();
-    folder.write("truth.toml", format!("{PLAIN}{effect}"));
-    folder.write("axis.toml", BASELINE);
+    folder.write("truth.toml", truth);
+    folder.write("axis.toml", baseline);
     folder.done(&format!(
-        "simulate --model truth.toml --excite {bench} --rate 1000 --counts 65536 --noise 0.01 --seed 4 --out run.csv"
+        "simulate --model truth.toml {options} --out run.csv"
     ));
     folder.done("diagnose run.csv --model axis.toml --json out.json");
     folder.json("out.json")
+}
+
+/// The same of an axis with an effect against Coulomb and viscous friction.
+fn diagnosed(effect: &str, bench: &str) -> Value {
+    let options = format!("--excite {bench} --rate 1000 --counts 65536 --noise 0.01 --seed 4");
+    diagnosed_of(&format!("{PLAIN}{effect}"), BASELINE, &options)
 }
 
 fn value(finding: &Value, parameter: &str) -> f64 {
@@ -162,15 +168,9 @@ fn what_acts_in_the_held_out_part_alone_is_noticed() {
 /// acceleration makes too small says nearly nothing of the inertia, and must not speak against gravity.
 #[test]
 fn gravity_is_named_where_hardly_any_of_the_drive_accelerates() {
-    let folder = Folder::new();
-    folder.write(
-        "truth.toml",
-        "[plant]\nmotion = \"rotary\"\ninertia = 0.007\n[friction]\ncoulomb = 0.03\nviscous = 0.05\n[effects.gravity]\namplitude = 0.48\nphase = 0.0\n",
-    );
-    folder.write("axis.toml", BASELINE);
-    folder.done("simulate --model truth.toml --excite multisine --amplitude 1.2 --band 0.15:0.5 --duration 6 --rate 190 --control pd --bandwidth 2 --counts 4096 --noise 0.003 --seed 3 --out run.csv");
-    folder.done("diagnose run.csv --model axis.toml --json out.json");
-    let json = folder.json("out.json");
+    let truth = "[plant]\nmotion = \"rotary\"\ninertia = 0.007\n[friction]\ncoulomb = 0.03\nviscous = 0.05\n[effects.gravity]\namplitude = 0.48\nphase = 0.0\n";
+    let options = "--excite multisine --amplitude 1.2 --band 0.15:0.5 --duration 6 --rate 190 --control pd --bandwidth 2 --counts 4096 --noise 0.003 --seed 3";
+    let json = diagnosed_of(truth, BASELINE, options);
     assert_eq!(json["findings"][0]["id"], "gravity", "{}", json["text"]);
 }
 
@@ -228,18 +228,6 @@ fn a_winding_that_the_model_knows_is_no_lag() {
     assert!(id == "actuator-lag" || id == "delay", "{id}");
 }
 
-/// Diagnoses what `simulate` records of an axis under these options.
-fn diagnosed_of(truth: &str, baseline: &str, options: &str) -> Value {
-    let folder = Folder::new();
-    folder.write("truth.toml", truth);
-    folder.write("axis.toml", baseline);
-    folder.done(&format!(
-        "simulate --model truth.toml {options} --out run.csv"
-    ));
-    folder.done("diagnose run.csv --model axis.toml --json out.json");
-    folder.json("out.json")
-}
-
 /// A wrong value is no physics left out: thermal drift with a time constant of hours and powers of velocity imitate it.
 #[test]
 fn friction_that_the_file_gives_wrongly_is_said_so() {
@@ -286,14 +274,19 @@ fn a_constant_load_is_no_step() {
 }
 
 /// At 200 samples a second, 120 periods a turn go by faster than half a one in a sample, and the same way back and forth
-/// makes noise look periodic in position.
+/// makes noise look periodic in position. With seed 2, the only one of 22 that were tried, a line in time is still named.
 #[test]
 fn noise_is_not_periodic_in_position() {
-    for seed in [1, 3, 4, 5, 6] {
+    for seed in 1..=8 {
         let options = format!(
             "--excite triangle --amplitude 3 --band 0.5:1 --control pd --bandwidth 6 --duration 20 --rate 200 --counts 4096 --noise 0.003 --seed {seed}"
         );
         let json = diagnosed_of(PLAIN, BASELINE, &options);
-        assert_eq!(json["verdict"], "adequate", "seed {seed}: {}", json["text"]);
+        let findings = json["findings"].as_array().expect("findings");
+        let periodic = |f: &Value| f["id"] == "cogging" || f["id"] == "torque-ripple";
+        assert!(!findings.iter().any(periodic), "seed {seed}: {findings:?}");
+        if seed != 2 {
+            assert_eq!(json["verdict"], "adequate", "seed {seed}: {}", json["text"]);
+        }
     }
 }
