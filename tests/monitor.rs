@@ -212,9 +212,9 @@ impl Events {
 
     /// Turns the axis on and lets it turn at a velocity.
     fn turn(&mut self, monitor: &Running, velocity: f64) {
-        monitor.ask(&json!({ "do": "enable" }));
+        monitor.ask(&json!("enable"));
         self.until(|now| now["status"]["armed"] == true);
-        monitor.ask(&json!({ "do": "aim", "mode": "velocity", "value": velocity }));
+        monitor.ask(&json!({ "aim": { "velocity": velocity } }));
         self.until(|now| last(now, "velocity").is_some_and(|v| (v - velocity).abs() < 0.1));
     }
 }
@@ -294,13 +294,7 @@ fn only_the_page_of_this_monitor_on_this_machine_is_served() {
             .status,
         404
     );
-    for bad in [
-        "",
-        "{}",
-        "{\"do\":\"explode\"}",
-        "[",
-        "{\"do\":\"aim\",\"mode\":\"velocity\"}",
-    ] {
+    for bad in ["", "{}", "\"explode\"", "[", "{\"aim\":\"velocity\"}"] {
         assert_eq!(monitor.post("do", bad).status, 400, "{bad}");
     }
     assert!(monitor.close("-INT").contains("The axis was off."));
@@ -381,23 +375,23 @@ fn the_axis_turns_as_asked_and_stop_stops_it() {
     let mut events = monitor.watch();
     events.turn(&monitor, 0.9);
     // What was asked for just before a stop is not carried out after it.
-    monitor.ask(&json!({ "do": "aim", "mode": "velocity", "value": -0.9 }));
+    monitor.ask(&json!({ "aim": { "velocity": -0.9 } }));
     assert_eq!(monitor.post("stop", "").status, 204);
     let off = events.until_state("Off");
     assert_eq!(
-        (&off["status"]["armed"], &off["status"]["mode"]),
+        (&off["status"]["armed"], &off["status"]["aim"]),
         (&json!(false), &json!("off"))
     );
     events.until(|now| now["status"]["stopping"] == false && last(now, "velocity") == Some(0.0));
     assert_eq!(last(&events.next("now"), "input"), Some(0.0));
 
     // An axis that is off takes no wishes.
-    monitor.ask(&json!({ "do": "aim", "mode": "velocity", "value": 0.5 }));
+    monitor.ask(&json!({ "aim": { "velocity": 0.5 } }));
     events.until(|now| has_note(now, "turn the axis on"));
     events.turn(&monitor, -0.5);
-    monitor.ask(&json!({ "do": "aim", "mode": "velocity", "value": 50.0 }));
+    monitor.ask(&json!({ "aim": { "velocity": 50.0 } }));
     events.until(|now| has_note(now, "beyond the limit"));
-    monitor.ask(&json!({ "do": "aim", "mode": "position", "value": 0.25 }));
+    monitor.ask(&json!({ "aim": { "position": 0.25 } }));
     let there = |now: &Value| last(now, "position").is_some_and(|q| (q - 0.25).abs() < 2e-3);
     events.until(there);
     assert!(monitor.close("-TERM").contains("confirmed that it is off"));
@@ -428,19 +422,19 @@ fn a_fault_is_shown_until_it_is_cleared() {
         &ON_HOST.replace("--limit 2", "--limit 90 --bandwidth 1"),
     );
     let mut events = monitor.watch();
-    monitor.ask(&json!({ "do": "enable" }));
+    monitor.ask(&json!("enable"));
     events.until(|now| now["status"]["armed"] == true);
-    monitor.ask(&json!({ "do": "aim", "mode": "input", "value": 90.0 }));
+    monitor.ask(&json!({ "aim": { "input": 90.0 } }));
     let now = events.until_state("Faulted");
     let faults = now["status"]["faults"].as_array().expect("faults");
     assert!(faults.contains(&json!("encoder-jump")), "{now}");
     assert_eq!(now["status"]["armed"], false);
-    monitor.ask(&json!({ "do": "enable" }));
+    monitor.ask(&json!("enable"));
     events.until(|now| has_note(now, "clear them first"));
     // While the axis still turns so fast, the fault comes back.
     let begun = Instant::now();
     loop {
-        monitor.ask(&json!({ "do": "clear" }));
+        monitor.ask(&json!("clear"));
         let now = events.next("now");
         if now["status"]["state"] == "Off" && now["status"]["faults"] == json!([]) {
             break;
@@ -455,17 +449,17 @@ fn a_recording_is_one_that_identify_reads() {
     let monitor = Running::start(&folder, ON_HOST);
     let mut events = monitor.watch();
     events.turn(&monitor, 0.2);
-    monitor.ask(&json!({ "do": "record" }));
+    monitor.ask(&json!("record"));
     for velocity in [-0.9, 0.9, -0.3, 0.6, -0.9] {
-        monitor.ask(&json!({ "do": "aim", "mode": "velocity", "value": velocity }));
+        monitor.ask(&json!({ "aim": { "velocity": velocity } }));
         let rows = events.next("now")["status"]["recording"]
             .as_u64()
             .unwrap_or(0);
         events.until(|now| now["status"]["recording"].as_u64() > Some(rows + 800));
     }
-    monitor.ask(&json!({ "do": "save" }));
+    monitor.ask(&json!("save"));
     events.until(|now| has_note(now, "monitor-1.csv"));
-    monitor.ask(&json!({ "do": "record" }));
+    monitor.ask(&json!("record"));
     events.until(|now| now["status"]["recording"].as_u64() > Some(250));
     // What is being recorded when it is closed is saved.
     let said = monitor.close("-INT");

@@ -5,9 +5,9 @@ use serde::{Deserialize, Serialize};
 
 use super::About;
 
-/// What the axis is asked for.
+/// What the axis is asked for. In JSON: `"off"`, `{"velocity": 0.5}`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "mode", content = "value", rename_all = "kebab-case")]
+#[serde(rename_all = "kebab-case")]
 pub enum Mode {
     /// Nothing: `u = 0`.
     #[default]

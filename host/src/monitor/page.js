@@ -177,7 +177,7 @@ function show(now) {
   $("clear").disabled = !up || status.faults.length === 0;
   for (const element of $("ask").elements) element.disabled = !up || !status.armed;
   for (const button of $("modes").children) button.disabled = !up || !status.armed;
-  const asked = status.mode === "off" ? "nothing (u = 0)" : `${status.mode} ${number(status.value)}`;
+  const asked = status.aim === "off" ? "nothing (u = 0)" : Object.entries(status.aim).map(([name, value]) => `${name} ${number(value)}`).join();
   $("asked").textContent = status.armed ? `Asked for: ${asked}` : "The axis is off. Turning it on asks for nothing yet.";
   const recording = status.recording !== null;
   $("record").dataset.on = String(recording);
@@ -243,9 +243,9 @@ addEventListener("keydown", (event) => {
   }
 }, true);
 
-$("enable").addEventListener("click", () => post("do", { do: "enable" }));
-$("clear").addEventListener("click", () => post("do", { do: "clear" }));
-$("record").addEventListener("click", () => post("do", { do: status?.recording === null ? "record" : "save" }));
+$("enable").addEventListener("click", () => post("do", "enable"));
+$("clear").addEventListener("click", () => post("do", "clear"));
+$("record").addEventListener("click", () => post("do", status?.recording === null ? "record" : "save"));
 
 function limit() {
   return { input: about?.command_limit, torque: about?.torque_limit, velocity: about?.speed }[mode];
@@ -266,7 +266,7 @@ function choose(next) {
   $("ask").hidden = mode === "off";
 }
 
-const aim = (value) => post("do", { do: "aim", mode, value });
+const aim = (value) => post("do", { aim: { [mode]: value } });
 
 for (const name of MODES) {
   // Like all that asks for something, until the board has said what it is.
@@ -274,7 +274,7 @@ for (const name of MODES) {
   button.addEventListener("click", () => {
     choose(name);
     // A position is gone to when it is applied, and a velocity of zero holds still at once.
-    if (name === "off") post("do", { do: "aim", mode: "off" });
+    if (name === "off") post("do", { aim: "off" });
     else if (name !== "position") aim(0);
   });
   $("modes").append(button);

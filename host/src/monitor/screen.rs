@@ -136,7 +136,7 @@ fn carry_out(handle: &Handle, wish: Wish) {
             let mode = handle.view(|view| {
                 let about = view.about()?;
                 let position = view.latest()?.values[Signal::Position as usize];
-                aimed(other, view.status.mode, position, about)
+                aimed(other, view.status.aim, position, about)
             });
             mode.into_iter()
                 .for_each(|mode| handle.ask(Request::Aim(mode)));
@@ -239,7 +239,7 @@ fn learned(view: &View, about: &About) -> String {
 }
 
 fn asked(view: &View, about: &About) -> String {
-    let mode = view.status.mode;
+    let mode = view.status.aim;
     let asked = match (view.status.armed, mode) {
         (false, _) => "the axis is off".to_owned(),
         (true, Mode::Off) => "nothing, u = 0".to_owned(),

@@ -63,8 +63,7 @@ pub struct Status {
     /// Whether a stop was sent that the board has not confirmed.
     pub stopping: bool,
     /// What the axis is asked for.
-    #[serde(flatten)]
-    pub mode: Mode,
+    pub aim: Mode,
     /// What was lost.
     pub losses: Losses,
     /// Rows recorded so far, while a recording is made.
@@ -140,7 +139,7 @@ impl View {
                 faults: Vec::new(),
                 armed: false,
                 stopping: false,
-                mode: Mode::Off,
+                aim: Mode::Off,
                 losses: Losses::default(),
                 recording: None,
             },

@@ -60,7 +60,7 @@ impl Session {
             let tripped = view.status.armed && state != State::Running;
             if tripped {
                 view.status.armed = false;
-                view.status.mode = Mode::Off;
+                view.status.aim = Mode::Off;
             }
             tripped
         });

@@ -124,7 +124,7 @@ impl Session {
             view.hear();
             view.status.armed = false;
             view.status.stopping = false;
-            view.status.mode = Mode::Off;
+            view.status.aim = Mode::Off;
             if !view.status.link {
                 view.status.link = true;
                 view.status.why.clear();
@@ -156,7 +156,7 @@ impl Session {
             }
             view.status.link = false;
             view.status.state = None;
-            view.status.mode = Mode::Off;
+            view.status.aim = Mode::Off;
             why.clone_into(&mut view.status.why);
         });
     }

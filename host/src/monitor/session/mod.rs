@@ -31,9 +31,12 @@ use crate::model::Model;
 use crate::place::Place;
 use link::Link;
 
-/// What can be asked for.
+/// What can be asked for. In JSON: `"enable"`, `{"aim": {"velocity": 0.5}}`.
+//
+// Not by a field that tells the kind: serde holds what stands beside such a field back, and a number held back cannot be read
+// where `serde_json` keeps numbers as text, which the log's decoder has it do.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
-#[serde(tag = "do", rename_all = "kebab-case")]
+#[serde(rename_all = "kebab-case")]
 pub enum Request {
     /// To turn the axis on, with nothing asked of it.
     Enable,

@@ -65,7 +65,7 @@ impl Session {
             self.shared.view(|view| {
                 view.status.armed = false;
                 view.status.stopping = true;
-                view.status.mode = Mode::Off;
+                view.status.aim = Mode::Off;
                 view.note(Kind::Note, "stop");
             });
         }
@@ -114,7 +114,7 @@ impl Session {
                     .latest()
                     .map_or(0.0, |s| s.values[Signal::Velocity as usize]);
                 self.aim.set(mode, velocity);
-                view.status.mode = mode;
+                view.status.aim = mode;
             }
         });
     }
