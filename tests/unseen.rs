@@ -117,7 +117,8 @@ fn diagnosed_under_control<'a>(
         let t = f64::from(k) / RATE;
         let wave = |hertz: f64| (TAU * hertz * t).sin();
         let q = (state.q / count).floor() * count;
-        let reference = 1.5 * wave(0.31) + 0.6 * wave(0.83) + 0.12 * wave(2.3);
+        // It begins with a jump.
+        let reference = 0.4 + 1.5 * wave(0.31) + 0.6 * wave(0.83) + 0.12 * wave(2.3);
         let u = 6.0 * (reference - q) - 0.05 * (q - before) * RATE;
         before = q;
         let noise: f64 = (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0;
@@ -192,15 +193,20 @@ fn what_depends_on_position_and_squared_velocity_is_noticed() {
     assert_eq!(unknown(&json), "position and squared velocity");
 }
 
-/// A motor that loses a fifth of its torque while it runs.
+/// A motor that loses a fifth of its torque while it runs, evenly or at first.
 #[test]
 fn a_fading_gain_is_noticed() {
-    let json = diagnosed_under_control(|_| PLAIN, |t, _, u| u * (1.0 - 0.2 * t / 24.0));
-    let coordinate = unknown(&json);
-    assert!(
-        ["input, over time", "time, as inertia"].contains(&coordinate),
-        "{coordinate}"
-    );
+    for fading in [
+        |t: f64| 0.2 * t / 24.0,
+        |t: f64| 0.3 * (1.0 - (-t / 8.0).exp()),
+    ] {
+        let json = diagnosed_under_control(|_| PLAIN, |t, _, u| u * (1.0 - fading(t)));
+        let coordinate = unknown(&json);
+        assert!(
+            ["input, over time", "time, as inertia"].contains(&coordinate),
+            "{coordinate}"
+        );
+    }
 }
 
 /// A baseline that knows the winding of its motor leaves no lag out, and the inertia is the axis's own: back-EMF passes the

@@ -19,7 +19,7 @@ pub use outcome::{
     Unexplained, Verdict,
 };
 
-use crate::check;
+use crate::check::{self, Severity, Warning};
 use crate::effects::Effect;
 use crate::error::Result;
 use crate::format;
@@ -40,11 +40,11 @@ const HOPELESS: f64 = 0.5;
 /// Share of what generic functions gain that the named effects must reach: below it, the names are not the physics.
 const SHARE_OF_GENERIC: f64 = 0.6;
 
-/// Where the held-out part errs by more than this many times the error of the training part, something acts there that the
-/// training part did not show.
+/// Where the held-out part errs by more than this many times the error of the training part, and its free run by more as
+/// well, something acts there that the training part did not show.
 const DEPARTS: f64 = 2.0;
 
-/// How much less a name is worth while something unexplained remains, which it may stand in for: of the findings beside an
+/// How much less a name is worth while something unexplained remains, which it may stand in for, or the data are wrong: of the findings beside an
 /// `unknown` verdict about this share is right, as the `validate` example shows for physics outside the catalogue.
 const BESIDE_UNKNOWN: f64 = 0.3;
 
@@ -78,7 +78,10 @@ pub fn diagnose(
         (selected, after)
     };
     let departure = confirm::departure(bench, &after);
-    let departs = selected.is_empty() && departure > DEPARTS && leftover::counts(bench, &after);
+    let departs = selected.is_empty()
+        && departure > DEPARTS
+        && baseline.fit.held_out.nrmse > baseline.fit.train.nrmse
+        && leftover::counts(bench, &after);
     progress("how certain it is");
     let after = if selected.is_empty() { after } else { settled };
     // What windows of the usual width do not show is told by those that do.
@@ -94,7 +97,9 @@ pub fn diagnose(
         Verdict::Explained
     };
     let (mut findings, after_fit) = findings(bench, baseline, &selected, &after, recordings)?;
-    if verdict == Verdict::Unknown {
+    let warnings = check::warnings(bench, before, recordings);
+    let suspect = warnings.iter().any(contradicts);
+    if verdict == Verdict::Unknown || suspect {
         findings
             .iter_mut()
             .for_each(|f| f.confidence *= BESIDE_UNKNOWN);
@@ -105,7 +110,6 @@ pub fn diagnose(
     } else {
         whitened(bench, &after)
     };
-    let warnings = check::warnings(bench, before, recordings);
     let certain = leftover.certain;
     let leftover = unexplained(&leftover);
     let remains = certain.then_some(&leftover);
@@ -116,6 +120,10 @@ pub fn diagnose(
             "The friction that the model file gives does not hold: {given}. Correct it or write \"?\" in its place, and diagnose again; until then, what else is left out cannot be told from it."
         ),
         None if departs && remains.is_none() => departure_sentence(&place),
+        None if suspect && verdict == Verdict::Explained => format!(
+            "{} The recording contradicts itself, as the warnings say: what is named may be an artefact of that.",
+            verdict_sentence(verdict, &findings, remains, true)
+        ),
         None => verdict_sentence(verdict, &findings, remains, !warnings.is_empty()),
     };
     let diagnosis = Diagnosis {
@@ -144,6 +152,14 @@ pub fn diagnose(
         before: before.clone(),
         after,
     })
+}
+
+/// Warnings of what effects of the catalogue do as well: delay and lag, inertia mismatch, delay.
+const PHYSICS_TOO: [&str; 3] = ["channels-shifted", "given-inertia", "long-delay"];
+
+/// Whether a warning says that the data are wrong.
+fn contradicts(warning: &Warning) -> bool {
+    warning.severity == Severity::Suspect && !PHYSICS_TOO.contains(&warning.id)
 }
 
 /// What the search ends with.

@@ -50,15 +50,19 @@ pub(super) struct Gain {
     pub share: f64,
     /// Mean fall in a block over its standard error, Student's t with one degree of freedom less than blocks.
     pub t: f64,
+    /// The same of the logarithm of the error of a block, which blocks of very different errors count for alike.
+    pub relative_t: f64,
 }
 
 impl Gain {
     pub fn of(before: &Score, after: &Score) -> Self {
         let blocks = before.by_block.iter().zip(&after.by_block);
-        let falls: Vec<f64> = blocks.map(|(b, a)| b - a).collect();
+        let falls: Vec<f64> = blocks.clone().map(|(b, a)| b - a).collect();
+        let ratios: Vec<f64> = blocks.map(|(b, a)| (b / a).ln()).collect();
         Self {
             share: 1.0 - after.cross_validated / before.cross_validated,
             t: students_t(&falls),
+            relative_t: students_t(&ratios),
         }
     }
 }
@@ -135,7 +139,8 @@ impl<'a> Base<'a> {
         };
         let without = &self.ground.score;
         let gain = Gain::of(without, &with);
-        // All blocks show it, or, if it is too rare for that, the held-out part does.
+        // All blocks show it, or, if it is too rare for that, the held-out part does. What takes most of the error away in
+        // all of them need not take as much from each.
         let shows_again = || {
             let residual = |beta| linear::residual(&system.response, &all, beta);
             let (with, without) = (residual(&with.beta), residual(&without.beta));
@@ -143,7 +148,10 @@ impl<'a> Base<'a> {
         };
         Generic {
             gain: gain.share,
-            certain: gain.share >= FLOOR && (gain.t >= self.least_t || shows_again()),
+            certain: gain.share >= FLOOR
+                && (gain.t >= self.least_t
+                    || gain.share >= MOST && gain.relative_t >= self.least_t
+                    || shows_again()),
         }
     }
 
@@ -197,6 +205,8 @@ fn least_t(bench: &Workbench, blocks: usize) -> f64 {
         .map_or(CERTAIN, |t| t.inverse_cdf(level))
 }
 
+/// Share of the squared error from which on generic functions take most of it away.
+const MOST: f64 = 0.5;
 /// Share of clean short recordings in which chance may name anything.
 const FALSE_ALARMS: f64 = 0.05;
 /// Span on either side from which the residual of a row is told, s: shorter spells are noise, longer ones are seen in it.

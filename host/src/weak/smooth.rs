@@ -45,7 +45,12 @@ impl Differentiator {
         self.weights.row(self.half).norm()
     }
 
-    /// The same for samples that are running sums of unit white noise.
+    /// The same at the first sample of a recording, whose window lies to one side.
+    pub(super) fn noise_gain_at_end(&self) -> f64 {
+        self.weights.row(0).norm()
+    }
+
+    /// The same as in the middle for samples that are running sums of unit white noise.
     pub(super) fn summed_noise_gain(&self) -> f64 {
         let mut tail = 0.0;
         let weights = self.weights.row(self.half);

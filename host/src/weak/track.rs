@@ -111,6 +111,8 @@ pub struct Balance {
 struct Held {
     t: Vec<f64>,
     u: Vec<f64>,
+    /// Whether nothing acted before the first sample, rather than its value.
+    fresh: bool,
 }
 
 /// Half-widths of the velocity filter that are tried, in samples.
@@ -125,6 +127,9 @@ const VELOCITY_NOISE: f64 = 0.005;
 const SLOW: f64 = 3.0;
 /// Travel of this many standard deviations of the position noise is certain: more than one step of a quantiser.
 const CERTAIN_TRAVEL: f64 = 4.0;
+/// Speed at the first sample, beyond its noise, up to which the axis begins at rest, as a share of the RMS speed: one that
+/// passes by at random is as slow in about one of fifty cases.
+const AT_REST: f64 = 0.02;
 /// A pause between samples longer than this many intervals is a gap that nothing is interpolated across.
 const GAP: f64 = 5.0;
 /// Timing within this share of an interval counts as uniform.
@@ -168,6 +173,7 @@ impl Track {
         let input = Held {
             t: t.clone(),
             u: recording.u.clone(),
+            fresh: false,
         };
         let mut track = Self {
             boundary: (TRAIN_SHARE * q.len() as f64) as usize,
@@ -193,6 +199,7 @@ impl Track {
             None => track.differentiate(velocity_only),
             Some(smoothing) => track.differentiate_as(smoothing, velocity_only),
         };
+        track.input.fresh = track.begins_at_rest(&filter);
         let half = filter.half();
         track.smoothing = Smoothing {
             half_width: half as f64 * period,
@@ -262,6 +269,13 @@ impl Track {
             position_noise: self.position_noise,
             coulomb: 0.0,
         }
+    }
+
+    /// Whether the axis does not move yet at the first sample. What drives it off then was not there before.
+    fn begins_at_rest(&self, filter: &Differentiator) -> bool {
+        let power = self.v.iter().map(|v| v * v).sum::<f64>() / self.v.len() as f64;
+        let noise = self.position_noise * filter.noise_gain_at_end() / self.period;
+        self.v[0].abs() <= AT_REST * power.sqrt() + 2.0 * noise
     }
 
     /// Smooths with the narrowest filter that leaves little enough noise, and returns it. Positions that are sums of a
@@ -420,18 +434,22 @@ impl Track {
 }
 
 impl Held {
-    /// Running integral, up to each of some ascending instants, of what a path makes of the signal; before the first
-    /// sample its value is taken to hold.
+    /// Running integral, up to each of some ascending instants, of what a path makes of the signal, which has stood since
+    /// ever at its first value or at zero.
     ///
     /// A lag `y' = (w − y)/τ` gives `∫y = ∫w − τ·(y − y₀)`, exactly.
     fn integral(&self, path: &Path, instants: impl Iterator<Item = f64>) -> Vec<f64> {
         let n = self.t.len();
-        let first = path.pass(self.u[0]);
+        let begin = path.pass(self.u[0]);
+        let before = if self.fresh { 0.0 } else { begin };
         // The sample that acts, its value, and integral and lagged value at its instant.
-        let (mut k, mut w, mut sum, mut y) = (0, first, 0.0, first);
+        let (mut k, mut w, mut sum, mut y) = (0, begin, 0.0, before);
         instants
             .map(|instant| {
                 let time = instant - path.delay;
+                if time < self.t[0] {
+                    return before * (time - self.t[0]);
+                }
                 while k + 1 < n && self.t[k + 1] <= time {
                     let h = self.t[k + 1] - self.t[k];
                     sum += w * h;
@@ -446,7 +464,7 @@ impl Held {
                     y
                 };
                 let smoothed = if path.lag > 0.0 {
-                    path.lag * (lagged - first)
+                    path.lag * (lagged - before)
                 } else {
                     0.0
                 };
@@ -579,7 +597,29 @@ mod tests {
         Held {
             t: vec![0.0, 1.0, 2.0, 3.0],
             u: vec![1.0, 3.0, 5.0, 7.0],
+            fresh: false,
         }
+    }
+
+    #[test]
+    fn nothing_acts_before_the_first_sample_of_an_axis_at_rest() {
+        let fresh = Held {
+            fresh: true,
+            ..held()
+        };
+        let late = Path {
+            delay: 0.5,
+            ..Path::default()
+        };
+        let integral = fresh.integral(&late, [0.0, 0.5, 1.0].into_iter());
+        assert_eq!(integral, [0.0, 0.0, 0.5]);
+        let path = Path {
+            lag: 0.7,
+            ..Path::default()
+        };
+        let step = |t: f64| t - 0.7 * (1.0 - (-t / 0.7).exp());
+        let integral = fresh.integral(&path, [0.4].into_iter());
+        assert!((integral[0] - step(0.4)).abs() < 1e-14, "{integral:?}");
     }
 
     /// Against the lag's response to each step, `∫(1 − e^(−t/τ)) dt`.
