@@ -296,3 +296,87 @@ fn noise_is_not_periodic_in_position() {
         }
     }
 }
+
+/// Diagnoses so many seconds of an axis that is driven without control against a torque of any form over time and velocity. A
+/// step of 20 µs is far below the time in which friction stops it.
+fn diagnosed_against(
+    resisting: impl Fn(f64, f64) -> f64,
+    drive: impl Fn(f64) -> f64,
+    seconds: u32,
+) -> Value {
+    const RATE: f64 = 1000.0;
+    const STEPS: u32 = 50;
+    let count = TAU / 65_536.0;
+    let mut rng = ChaCha8Rng::seed_from_u64(7);
+    let (mut q, mut v) = (0.2, 0.0);
+    let sample = |k: u32| {
+        let t = f64::from(k) / RATE;
+        let u = drive(t);
+        let sample = Sample {
+            t,
+            u,
+            q: (q / count).floor() * count,
+        };
+        let noise = 0.004 * (rng.random::<f64>() - 0.5);
+        let h = 1.0 / RATE / f64::from(STEPS);
+        for _ in 0..STEPS {
+            v += h * (u + noise - resisting(t, v)) / 0.012;
+            q += h * v;
+        }
+        sample
+    };
+    let samples: Vec<Sample> = (0..1000 * seconds).map(sample).collect();
+    let folder = Folder::new();
+    folder.write("axis.toml", BASELINE);
+    folder.write("run.csv", csv(&samples));
+    folder.done("diagnose run.csv --model axis.toml --json out.json");
+    folder.json("out.json")
+}
+
+/// Where a simulator smooths friction, the axis creeps before it breaks away, at the start above all: against Coulomb friction
+/// that is as if something helped it along for a moment.
+#[test]
+fn smoothed_friction_is_no_effect() {
+    let friction = |_, v: f64| 0.12 * (v / 0.02).tanh() + 0.02 * v;
+    for hertz in [0.3, 0.6] {
+        let drive = |t: f64| 0.3 * (TAU * hertz * t).sin() * (0.6 + 0.4 * (TAU * 0.07 * t).sin());
+        let json = diagnosed_against(friction, drive, 20);
+        assert_eq!(json["verdict"], "adequate", "{}", json["text"]);
+        assert_eq!(json["findings"], serde_json::json!([]));
+        let warnings = json["warnings"].as_array().expect("a list");
+        let told = warnings.iter().any(|w| w["id"] == "smooth-friction");
+        assert!(told, "{warnings:?}");
+    }
+}
+
+/// Drag that grows with the cube of speed is none of those that the catalogue has, though three of them together follow it.
+#[test]
+fn a_friction_curve_that_takes_three_laws_is_none_of_them() {
+    let friction = |_, v: f64| 0.12 * (v / 0.002).tanh() + 0.02 * v + 0.004 * v.powi(3);
+    let wave = |hertz: f64, t: f64| (TAU * hertz * t).sin();
+    let drive = |t: f64| 0.3 * wave(0.31, t) + 0.25 * wave(0.83, t) + 0.15 * wave(1.9, t);
+    let json = diagnosed_against(friction, drive, 20);
+    assert_eq!(unknown(&json), "velocity");
+}
+
+/// A load that wanders within a third of a second looks like noise of its own kind, in which it would be lost.
+#[test]
+fn a_load_that_wanders_is_no_noise() {
+    const LAG: f64 = 0.3;
+    let mut rng = ChaCha8Rng::seed_from_u64(9);
+    let mut load = 0.0;
+    // A first-order lag behind white noise, of 0.05 N·m RMS.
+    let loads = (0..60_000).map(|_| {
+        let white = 3f64.sqrt() * rng.random_range(-1.0..1.0);
+        load += -1e-3 / LAG * load + 0.05 * (2e-3 / LAG).sqrt() * white;
+        load
+    });
+    let loads: Vec<f64> = loads.collect();
+    let friction = |v: f64| 0.12 * (v / 0.002).tanh() + 0.02 * v;
+    let wave = |hertz: f64, t: f64| (TAU * hertz * t).sin();
+    let drive = |t: f64| 0.3 * wave(0.31, t) + 0.25 * wave(0.83, t) + 0.15 * wave(1.9, t);
+    let at = |t: f64| loads[(1000.0 * t).round() as usize];
+    let json = diagnosed_against(|t, v| friction(v) + at(t), drive, 60);
+    assert_eq!(unknown(&json), "time, at random");
+    assert_eq!(json["findings"], serde_json::json!([]));
+}

@@ -178,7 +178,8 @@ fn numbers(
     model: &Model,
     wanted: impl Fn(&Term) -> bool,
 ) -> Vec<(&'static dyn Effect, Inner, Vec<f64>)> {
-    let in_torque = |t: &&Term| t.effect.seat() == Seat::Torque && t.effect.width() > 0;
+    let in_torque =
+        |t: &&Term| t.effect.seat() == Seat::Torque && t.effect.width() > 0 && !t.effect.nuisance();
     let terms = model.terms.iter().filter(|t| wanted(t)).filter(in_torque);
     terms
         .map(|t| {

@@ -13,8 +13,10 @@ mod units;
 use serde::Serialize;
 
 use crate::identify::Workbench;
-use crate::model::Model;
+use crate::model::{Model, Term};
+use crate::motion::Motion;
 use crate::recording::Recording;
+use crate::system;
 
 /// What a warning says of the data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -77,6 +79,19 @@ pub fn warnings(bench: &Workbench, fitted: &Model, recordings: &[Recording]) -> 
     all.extend(excitation::check(bench, fitted, recordings));
     all.sort_by_key(|warning| warning.severity);
     all
+}
+
+/// What there is to know of an axis that [`effects::CREEP`] was found on.
+///
+/// [`effects::CREEP`]: crate::effects::CREEP
+pub fn creeps(term: &Term, motion: Motion) -> Warning {
+    let sentence = term.effect.sentence(&system::values(term), motion);
+    Warning::weak(
+        "smooth-friction",
+        format!(
+            "{sentence} Simulators smooth friction so, and soft parts between the sensor and the surfaces act alike; where the axis must hold its place without drive, record slow ramps of the drive below breakaway."
+        ),
+    )
 }
 
 /// Root mean square.

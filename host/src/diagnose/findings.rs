@@ -85,7 +85,8 @@ fn rivals(
 ) -> Result<Vec<Rival>> {
     // It may be that one stood against it before another took a place that both need.
     let close = selected.others.iter().filter(|o| {
-        o.delta_bic >= 0.5 * selected.trial.delta_bic && select::fits_in(o.effect, before)
+        let close = o.delta_bic >= 0.5 * selected.trial.delta_bic;
+        close && !o.effect.nuisance() && select::fits_in(o.effect, before)
     });
     let rival = |other: &Trial| {
         let instead = bench.fit(&select::with_trial(before, other), recordings)?;

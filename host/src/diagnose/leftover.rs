@@ -65,13 +65,18 @@ pub(super) fn of(bench: &Workbench, model: &Model) -> Result<Leftover> {
         .par_iter()
         .map(|(name, c)| (*name, base.generic(c)))
         .collect();
+    let size = relative_residual(bench, model);
+    let wanders = base.wanders(&residual, size);
+    if wanders.certain {
+        alone.push(("time, at random", wanders));
+    }
     alone.sort_by(|a, b| b.1.gain.total_cmp(&a.1.gain));
     let all: Vec<Vec<f64>> = groups.into_iter().flat_map(|(_, c)| c).collect();
     let together = base.generic(&all);
     let each = alone.iter().map(|g| g.1).chain([together]);
     let shares = each.clone().map(|g| g.gain);
     let gain = shares.fold(f64::NEG_INFINITY, f64::max);
-    let size = gain.max(0.0).sqrt() * relative_residual(bench, model);
+    let size = gain.max(0.0).sqrt() * size;
     Ok(Leftover {
         gain,
         size,

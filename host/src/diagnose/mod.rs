@@ -24,13 +24,13 @@ use crate::effects::Effect;
 use crate::error::Result;
 use crate::format;
 use crate::identify::{Identified, Workbench};
-use crate::model::Model;
+use crate::model::{Model, Term};
 use crate::recording::Recording;
 use crate::system;
 use confirm::confirmed;
 use findings::findings;
 use leftover::Leftover;
-use select::{Scope, Selection};
+use select::{Scope, Selected, Selection};
 use sharpen::{Fast, sharpened};
 
 /// A model whose free run errs by more than this share of the motion on both parts is not adequate, whatever the weak
@@ -59,7 +59,7 @@ pub fn diagnose(
     let Found {
         selection: (selected, after),
         fine,
-        settled,
+        mut settled,
     } = found(bench, before, recordings, progress)?;
     progress("looking for what is left");
     let base_error = error(bench, before)?;
@@ -70,13 +70,16 @@ pub fn diagnose(
     let little = leftover.size < select::SOUGHT && reached >= 1.0 - select::FLOOR;
     let significant = leftover.certain && (selected.is_empty() || !little);
     let given = given::refuted(bench, before, (base_error, remaining))?;
-    let misnamed = given.is_some() || significant && reached < SHARE_OF_GENERIC;
-    let (selected, after) = if misnamed && !selected.is_empty() {
+    let curves = selected.iter().map(|s| s.trial.effect.id());
+    let pieced = curves.filter(|id| CURVES.contains(id)).count() == CURVES.len();
+    let misnamed = given.is_some() || pieced || significant && reached < SHARE_OF_GENERIC;
+    let (mut selected, mut after) = if misnamed && !selected.is_empty() {
         leftover = leftover::of(bench, before)?;
         (Vec::new(), before.clone())
     } else {
         (selected, after)
     };
+    let creep = take_nuisance(&mut selected, [&mut settled, &mut after], before);
     let departure = confirm::departure(bench, &after);
     let departs = selected.is_empty()
         && departure > DEPARTS
@@ -89,7 +92,7 @@ pub fn diagnose(
     let bench = fine.as_ref().map_or(bench, |fast| &fast.bench);
     let hopeless =
         selected.is_empty() && baseline.fit.train.nrmse.min(baseline.fit.held_out.nrmse) > HOPELESS;
-    let verdict = if significant || departs || hopeless || given.is_some() {
+    let verdict = if significant || pieced || departs || hopeless || given.is_some() {
         Verdict::Unknown
     } else if selected.is_empty() {
         Verdict::Adequate
@@ -97,7 +100,8 @@ pub fn diagnose(
         Verdict::Explained
     };
     let (mut findings, after_fit) = findings(bench, baseline, &selected, &after, recordings)?;
-    let warnings = check::warnings(bench, before, recordings);
+    let mut warnings = check::warnings(bench, before, recordings);
+    warnings.extend(creep.map(|term| check::creeps(&term, after.motion)));
     let suspect = warnings.iter().any(contradicts);
     if verdict == Verdict::Unknown || suspect {
         findings
@@ -116,15 +120,9 @@ pub fn diagnose(
     let unexplained = remains.filter(|_| verdict == Verdict::Unknown).cloned();
     let place = locate::locate(bench, before, &z_before, &z_after);
     let text = match given {
-        Some(given) => format!(
-            "The friction that the model file gives does not hold: {given}. Correct it or write \"?\" in its place, and diagnose again; until then, what else is left out cannot be told from it."
-        ),
+        Some(given) => given_sentence(&given),
         None if departs && remains.is_none() => departure_sentence(&place),
-        None if suspect && verdict == Verdict::Explained => format!(
-            "{} The recording contradicts itself, as the warnings say: what is named may be an artefact of that.",
-            verdict_sentence(verdict, &findings, remains, true)
-        ),
-        None => verdict_sentence(verdict, &findings, remains, !warnings.is_empty()),
+        None => verdict_sentence(verdict, &findings, remains, &warnings),
     };
     let diagnosis = Diagnosis {
         schema: "bristle.diagnosis/1",
@@ -153,6 +151,9 @@ pub fn diagnose(
         after,
     })
 }
+
+/// What bends the curve of friction over speed. All of them together piece a curve together that none of them is.
+const CURVES: [&str; 3] = ["stribeck", "quadratic-drag", "power-law-viscous"];
 
 /// Warnings of what effects of the catalogue do as well: delay and lag, inertia mismatch, delay.
 const PHYSICS_TOO: [&str; 3] = ["channels-shifted", "given-inertia", "long-delay"];
@@ -194,18 +195,18 @@ fn found(
             None if !selection.0.is_empty() => bench.settle(&mut settled, recordings),
             None => {}
         }
-        let named = settled.terms[before.terms.len()..].iter();
-        let doubts = named.filter_map(|term| Some((told::doubt(term)?, term.effect.id())));
-        match doubts.min_by(|a, b| a.0.total_cmp(&b.0)) {
-            Some((_, id)) => refuted.push(id),
-            None => {
-                return Ok(Found {
-                    selection,
-                    fine,
-                    settled,
-                });
-            }
-        }
+        let added = settled.terms[before.terms.len()..].iter();
+        let (nuisances, named): (Vec<_>, Vec<_>) = added.partition(|t| t.effect.nuisance());
+        let doubts = named.iter().filter_map(|t| Some((told::doubt(t)?, *t)));
+        let Some((_, doubtful)) = doubts.min_by(|a, b| a.0.total_cmp(&b.0)) else {
+            return Ok(Found {
+                selection,
+                fine,
+                settled,
+            });
+        };
+        // An effect may be in doubt only because a nuisance stands beside it.
+        refuted.push(nuisances.first().unwrap_or(&doubtful).effect.id());
     }
 }
 
@@ -230,6 +231,25 @@ fn whitened(bench: &Workbench, model: &Model) -> Vec<f64> {
     residual
 }
 
+/// Takes what is no effect of the catalogue out of a selection and its models, which stand on a baseline.
+fn take_nuisance(
+    selected: &mut Vec<Selected>,
+    [settled, after]: [&mut Model; 2],
+    before: &Model,
+) -> Option<Term> {
+    let k = selected.iter().position(|s| s.trial.effect.nuisance())?;
+    selected.remove(k);
+    settled.terms.remove(before.terms.len() + k);
+    Some(after.terms.remove(before.terms.len() + k))
+}
+
+/// What to say of friction that the model file gives wrongly.
+fn given_sentence(given: &str) -> String {
+    format!(
+        "The friction that the model file gives does not hold: {given}. Correct it or write \"?\" in its place, and diagnose again; until then, what else is left out cannot be told from it."
+    )
+}
+
 /// What to say of a held-out part that is unlike the rest.
 fn departure_sentence(place: &Where) -> String {
     let spans = place.time.iter().map(|span| format::range(*span, "s"));
@@ -243,14 +263,14 @@ fn verdict_sentence(
     verdict: Verdict,
     findings: &[Finding],
     remains: Option<&Unexplained>,
-    doubtful: bool,
+    warnings: &[Warning],
 ) -> String {
     let names: Vec<String> = findings
         .iter()
         .map(|f| format!("{} ({})", f.name, f.id))
         .collect();
     match verdict {
-        Verdict::Adequate if doubtful => "The model is adequate as far as this recording can tell, which the warnings limit: nothing significant is left out.".to_owned(),
+        Verdict::Adequate if !warnings.is_empty() => "The model is adequate as far as this recording can tell, which the warnings limit: nothing significant is left out.".to_owned(),
         Verdict::Adequate => "The model is adequate: nothing significant is left out.".to_owned(),
         Verdict::Explained => {
             let they = if names.len() > 1 { "them" } else { "it" };
@@ -261,8 +281,13 @@ fn verdict_sentence(
                     100.0 * rest.size
                 ),
             };
+            let doubt = if warnings.iter().any(contradicts) {
+                " The recording contradicts itself, as the warnings say: what is named may be an artefact of that."
+            } else {
+                ""
+            };
             format!(
-                "The model leaves out: {}. With {they} in, {rest}.",
+                "The model leaves out: {}. With {they} in, {rest}.{doubt}",
                 names.join("; ")
             )
         }

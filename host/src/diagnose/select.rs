@@ -138,7 +138,9 @@ fn passes(trial: &Trial) -> bool {
 /// an axis.
 pub(super) fn fits_in(effect: &dyn Effect, model: &Model) -> bool {
     let loaded = model.terms.iter().any(|t| t.effect.hangs());
-    let room = !(loaded && effect.hangs());
+    // Bristles know by themselves how friction builds up.
+    let known = effect.nuisance() && model.has("presliding");
+    let room = !(known || loaded && effect.hangs());
     room && effect.unsuited(model.given()).is_none() && !model.has(effect.id())
 }
 
@@ -156,12 +158,15 @@ fn trials(
     model: &Model,
     sought: &(dyn Fn(&dyn Effect) -> bool + Sync),
 ) -> Result<Vec<Trial>> {
-    let open = effects::ALL
-        .par_iter()
+    let nuisance: &'static dyn Effect = &effects::CREEP;
+    let all = effects::ALL.iter().copied().chain([nuisance]);
+    let open: Vec<_> = all.filter(|e| fits_in(*e, model) && sought(*e)).collect();
+    let tried: Result<Vec<Option<Trial>>> = open
+        .into_par_iter()
         // What takes longest may lie side by side.
         .with_max_len(1)
-        .filter(|e| fits_in(**e, model) && sought(**e));
-    let tried: Result<Vec<Option<Trial>>> = open.map(|&effect| base.attempt(effect)).collect();
+        .map(|effect| base.attempt(effect))
+        .collect();
     let mut trials: Vec<Trial> = tried?.into_iter().flatten().collect();
     trials.sort_by(|a, b| b.delta_bic.total_cmp(&a.delta_bic));
     Ok(trials)

@@ -3,7 +3,7 @@
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::confirm::HeldOut;
-use super::select::{CERTAIN, FLOOR};
+use super::select::{CERTAIN, FLOOR, SOUGHT};
 use crate::effects::{self, Effect, Inner};
 use crate::error::Result;
 use crate::identify::Workbench;
@@ -58,12 +58,19 @@ impl Gain {
     pub fn of(before: &Score, after: &Score) -> Self {
         let blocks = before.by_block.iter().zip(&after.by_block);
         let falls: Vec<f64> = blocks.clone().map(|(b, a)| b - a).collect();
-        let ratios: Vec<f64> = blocks.map(|(b, a)| (b / a).ln()).collect();
+        let size = |error: &f64| error.max(f64::MIN_POSITIVE).ln();
+        let ratios: Vec<f64> = blocks.map(|(b, a)| size(b) - size(a)).collect();
         Self {
             share: 1.0 - after.cross_validated / before.cross_validated,
             t: students_t(&falls),
             relative_t: students_t(&ratios),
         }
+    }
+
+    /// Whether it is no chance of a few blocks: all of them show it, be it that what takes most of the error away takes more
+    /// from those that have more.
+    pub fn certain(&self, least_t: f64) -> bool {
+        self.t >= least_t || self.share >= MOST && self.relative_t >= least_t
     }
 }
 
@@ -125,7 +132,7 @@ impl<'a> Base<'a> {
             delta_bic: before.chi2 - found.score.chi2 - price,
             price,
             gain,
-            certain: gain.t >= self.least_t,
+            certain: gain.certain(self.least_t),
         }))
     }
 
@@ -139,8 +146,7 @@ impl<'a> Base<'a> {
         };
         let without = &self.ground.score;
         let gain = Gain::of(without, &with);
-        // All blocks show it, or, if it is too rare for that, the held-out part does. What takes most of the error away in
-        // all of them need not take as much from each.
+        // All blocks show it, or, if it is too rare for that, the held-out part does.
         let shows_again = || {
             let residual = |beta| linear::residual(&system.response, &all, beta);
             let (with, without) = (residual(&with.beta), residual(&without.beta));
@@ -148,17 +154,21 @@ impl<'a> Base<'a> {
         };
         Generic {
             gain: gain.share,
-            certain: gain.share >= FLOOR
-                && (gain.t >= self.least_t
-                    || gain.share >= MOST && gain.relative_t >= self.least_t
-                    || shows_again()),
+            certain: gain.share >= FLOOR && (gain.certain(self.least_t) || shows_again()),
         }
     }
 
     /// What the rows shortly before and after say of each row, if a torque times `carrier` comes and goes in spells: the
-    /// carrier times the mean of the residual along it, as a column. Rows whose windows overlap are left out of the mean,
-    /// so that it has no noise in common with the row.
+    /// carrier times the mean of the residual along it, as a column.
     pub fn spells(&self, carrier: &[f64], residual: &[f64]) -> Vec<Vec<f64>> {
+        let means = self.nearby(carrier, residual);
+        let column: Vec<f64> = carrier.iter().zip(means).map(|(c, m)| c * m).collect();
+        vec![self.bench.noise.whiten(&column)]
+    }
+
+    /// For each row the mean of the residual along a carrier over the rows shortly before and after, without those whose windows
+    /// overlap, so that it has no noise in common with the row.
+    fn nearby(&self, carrier: &[f64], residual: &[f64]) -> Vec<f64> {
         let problem = &self.bench.problem;
         let widths: Vec<f64> = problem.half_widths().collect();
         let count = problem.rows.len();
@@ -179,8 +189,35 @@ impl<'a> Base<'a> {
             }
             if energy > 0.0 { along / energy } else { 0.0 }
         };
-        let column: Vec<f64> = (0..count).map(|k| carrier[k] * mean(k)).collect();
-        vec![self.bench.noise.whiten(&column)]
+        (0..count).map(mean).collect()
+    }
+
+    /// What the rows shortly before and after say of each row when noise is not whitened, which takes a load that wanders for
+    /// noise of its own kind. Certain is what takes off the residual, which is `size` of the drive, as much as effects that are
+    /// looked for.
+    pub fn wanders(&self, residual: &[f64], size: f64) -> Generic {
+        let sigma = &self.bench.noise.sigma;
+        let z: Vec<f64> = residual.iter().zip(sigma).map(|(r, s)| r / s).collect();
+        let means = self.nearby(&vec![1.0; z.len()], &z);
+        let blocks = || {
+            let rows = self.bench.blocks.iter().zip(z.iter().zip(&means));
+            rows.filter_map(|(block, (z, mean))| Some(((*block)?, *z, *mean)))
+        };
+        let sum = |f: fn(f64, f64) -> f64| blocks().map(|(_, z, mean)| f(z, mean)).sum::<f64>();
+        let slope = sum(|z, mean| z * mean) / sum(|_, mean| mean * mean).max(f64::MIN_POSITIVE);
+        if slope <= 0.0 {
+            return Generic::default();
+        }
+        let count = blocks().map(|(block, ..)| block + 1).max();
+        let mut falls = vec![0.0; count.unwrap_or_default()];
+        for (block, z, mean) in blocks() {
+            falls[block] += z * z - (z - slope * mean).powi(2);
+        }
+        let gain = falls.iter().sum::<f64>() / sum(|z, _| z * z);
+        Generic {
+            gain,
+            certain: gain.sqrt() * size >= SOUGHT && students_t(&falls) >= self.least_t,
+        }
     }
 
     /// The strongest line in the spectrum of the residual over time, as two columns.
@@ -205,7 +242,7 @@ fn least_t(bench: &Workbench, blocks: usize) -> f64 {
         .map_or(CERTAIN, |t| t.inverse_cdf(level))
 }
 
-/// Share of the squared error from which on generic functions take most of it away.
+/// Share of the squared error from which on it is most of it.
 const MOST: f64 = 0.5;
 /// Share of clean short recordings in which chance may name anything.
 const FALSE_ALARMS: f64 = 0.05;

@@ -8,11 +8,13 @@
 //! `τ = Σⱼ cⱼ·bⱼ(inner; t, q, v, s, u)`. Others sit elsewhere in the equation of motion: see [`Seat`]. Inner parameters (a
 //! Stribeck velocity, a delay, the instants of a load step, …) are scanned: see [`Search`].
 
+mod creep;
 mod path;
 mod point;
 mod quantity;
 mod wave;
 
+pub use creep::CREEP;
 pub use path::Path;
 pub use point::{Given, Moment, Point, Scale, Survey};
 pub use quantity::{Quantity, Spec};
@@ -116,6 +118,11 @@ pub trait Effect: Sync {
     /// Whether it is a load behind the measured side.
     fn hangs(&self) -> bool {
         self.seat() == Seat::Load
+    }
+    /// Whether it is no effect of the catalogue but what such effects must not be taken for: it is sought beside them and
+    /// neither named nor simulated.
+    fn nuisance(&self) -> bool {
+        false
     }
     /// Whether its torque depends on the input.
     fn driven(&self) -> bool {

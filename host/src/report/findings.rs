@@ -176,6 +176,9 @@ fn advice(coordinate: &str) -> &'static str {
         "time, in spells" => {
             "A load that comes and goes: look at the residual against time, then repeat the run; what comes back at another time is not the axis."
         }
+        "time, at random" => {
+            "A load that wanders slowly and follows nothing else that was recorded (wind, a process force, a hand): measure it as well, or repeat the run without it."
+        }
         "time, periodically" => {
             "Something that oscillates at a fixed frequency (periodic-disturbance): record with the drive enabled and the axis held, and look for the line in the spectrum."
         }
