@@ -44,7 +44,7 @@ pub(super) fn better(
             };
             let score = together.score();
             let reached = score.chi2 + two.iter().map(|t| t.price).sum::<f64>();
-            let certain = Gain::of(base.score(), score).certain(base.least_t);
+            let certain = Gain::of(base.score(), score).t >= base.least_t;
             let predicts = score.cross_validated < (1.0 - share) * than.score().cross_validated;
             let most = best.as_ref().map_or(criterion, |(reached, ..)| *reached);
             if certain && predicts && reached < most {

@@ -67,10 +67,10 @@ impl Gain {
         }
     }
 
-    /// Whether it is no chance of a few blocks: all of them show it, be it that what takes most of the error away takes more
-    /// from those that have more.
-    pub fn certain(&self, least_t: f64) -> bool {
-        self.t >= least_t || self.share >= MOST && self.relative_t >= least_t
+    /// Whether it takes most of the error away, and from every block its share, be it that some have more than others: no
+    /// chance, though it may be more than one kind of physics does. A name asks for more.
+    fn clear(&self, least_t: f64) -> bool {
+        self.share >= MOST && self.relative_t >= least_t
     }
 }
 
@@ -132,7 +132,7 @@ impl<'a> Base<'a> {
             delta_bic: before.chi2 - found.score.chi2 - price,
             price,
             gain,
-            certain: gain.certain(self.least_t),
+            certain: gain.t >= self.least_t || effect.nuisance() && gain.clear(self.least_t),
         }))
     }
 
@@ -154,7 +154,8 @@ impl<'a> Base<'a> {
         };
         Generic {
             gain: gain.share,
-            certain: gain.share >= FLOOR && (gain.certain(self.least_t) || shows_again()),
+            certain: gain.share >= FLOOR
+                && (gain.t >= self.least_t || gain.clear(self.least_t) || shows_again()),
         }
     }
 
