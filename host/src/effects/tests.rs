@@ -1,6 +1,10 @@
 //! What holds for every effect of the catalogue.
 
-use super::{ALL, Motion, Point, Scale, find, section, tell_apart};
+use std::f64::consts::TAU;
+
+use super::{
+    ALL, CREEP, Effect, Motion, Point, Scale, Survey, find, periodicities, section, tell_apart,
+};
 
 const SCALE: Scale = Scale {
     coulomb: 0.3,
@@ -145,4 +149,48 @@ fn dissipative_effects_oppose_motion() {
             assert!(b[0] * v > 0.0, "{id} at {v}");
         }
     }
+}
+
+#[test]
+fn periods_that_pass_by_between_samples_are_not_tried() {
+    let survey = |top_speed: f64, motion| Survey {
+        motion,
+        period: 5e-3,
+        duration: 10.0,
+        half_width: 0.07,
+        top_speed,
+        slow: 0.01,
+        travel: (-1.0, 1.0),
+        position_noise: 1e-4,
+        coulomb: 0.1,
+        input: (1.0, 2.0),
+    };
+    let most = |survey: &Survey| periodicities(survey, 1).last().copied().unwrap_or(0.0);
+    // At one turn a second and 200 samples a second, half of 200 periods a turn; of fewer turns all that are ever tried.
+    assert_eq!(most(&survey(TAU, Motion::Rotary)), 99.0);
+    assert_eq!(most(&survey(0.5 * TAU, Motion::Rotary)), 120.0);
+    // At 2 m/s up to 50 periods a metre, of at most 60 over 2 m.
+    let linear = most(&survey(2.0, Motion::Linear));
+    assert!(linear < 50.0 && linear > 49.0, "{linear}");
+}
+
+#[test]
+fn what_a_sensor_cannot_err_by_is_none_of_its_errors() {
+    let sensor = find("sensor-eccentricity").expect("an effect");
+    assert!(sensor.admissible(&[0.07, -0.07]) && !sensor.admissible(&[0.08, 0.08]));
+}
+
+#[test]
+fn what_is_no_effect_of_the_catalogue_has_no_id_of_it() {
+    assert!(CREEP.nuisance() && find(CREEP.id()).is_none());
+    assert!(ALL.iter().all(|effect| !effect.nuisance()));
+    // Friction without its jump: nothing at standstill, nothing missing at speed.
+    let missing = |v: f64| {
+        let mut out = [0.0];
+        let at = Point::new(Motion::Rotary, 0.0, v, v.signum());
+        CREEP.basis([0.1, 0.0], at, &mut out);
+        out[0]
+    };
+    assert!((missing(1e-9) + 1.0).abs() < 1e-7 && (missing(-1e-9) - 1.0).abs() < 1e-7);
+    assert!(missing(1.0).abs() < 1e-8 && missing(0.1) < -0.2);
 }
