@@ -23,10 +23,6 @@
 use super::{Confusion, Effect, FREE, Given, Inner, Motion, Quantity, Scale, Seat, Spec, cartesian, polar};
 use crate::format::quantity;
 
-/// The largest error, rad, that is one of a sensor: a tenth of the radius of what it reads, where the second harmonic, half
-/// the square of the first, is a twentieth of it.
-const LARGEST: f64 = 0.1;
-
 pub(super) struct SensorEccentricity;
 
 impl Effect for SensorEccentricity {
@@ -85,8 +81,5 @@ impl Effect for SensorEccentricity {
     }
     fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
         (FREE, cartesian(p[0], p[1]))
-    }
-    fn admissible(&self, c: &[f64]) -> bool {
-        c[0].hypot(c[1]) <= LARGEST
     }
 }

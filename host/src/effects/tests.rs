@@ -175,12 +175,6 @@ fn periods_that_pass_by_between_samples_are_not_tried() {
 }
 
 #[test]
-fn what_a_sensor_cannot_err_by_is_none_of_its_errors() {
-    let sensor = find("sensor-eccentricity").expect("an effect");
-    assert!(sensor.admissible(&[0.07, -0.07]) && !sensor.admissible(&[0.08, 0.08]));
-}
-
-#[test]
 fn what_is_no_effect_of_the_catalogue_has_no_id_of_it() {
     assert!(CREEP.nuisance() && find(CREEP.id()).is_none());
     assert!(ALL.iter().all(|effect| !effect.nuisance()));
