@@ -279,9 +279,9 @@ mod tests {
     fn modes_travel_as_the_page_writes_them() {
         let mode = Mode::Velocity(1.5);
         let text = serde_json::to_string(&mode).unwrap();
-        assert_eq!(text, r#"{"mode":"velocity","value":1.5}"#);
+        assert_eq!(text, r#"{"velocity":1.5}"#);
         assert_eq!(serde_json::from_str::<Mode>(&text).unwrap(), mode);
-        let off = serde_json::from_str::<Mode>(r#"{"mode":"off"}"#).unwrap();
+        let off = serde_json::from_str::<Mode>(r#""off""#).unwrap();
         assert_eq!(off, Mode::Off);
     }
 }
