@@ -102,6 +102,15 @@ fn a_load_that_swings_is_found_and_predicted() {
     assert!(after < 0.3 * before, "{before} {after}");
 }
 
+/// Diagnoses samples against Coulomb and viscous friction.
+fn diagnosed_from(samples: &[Sample]) -> Value {
+    let folder = Folder::new();
+    folder.write("axis.toml", BASELINE);
+    folder.write("run.csv", csv(samples));
+    folder.done("diagnose run.csv --model axis.toml --json out.json");
+    folder.json("out.json")
+}
+
 /// Diagnoses 24 s of an axis under position control, where `axes` is what hangs on the motor and `torque` what the motor
 /// makes of the command, both at their time.
 fn diagnosed_under_control<'a>(
@@ -134,11 +143,7 @@ fn diagnosed_under_control<'a>(
         Sample { t, u, q }
     };
     let samples: Vec<Sample> = (0..12_000).map(sample).collect();
-    let folder = Folder::new();
-    folder.write("axis.toml", BASELINE);
-    folder.write("run.csv", csv(&samples));
-    folder.done("diagnose run.csv --model axis.toml --json out.json");
-    folder.json("out.json")
+    diagnosed_from(&samples)
 }
 
 /// A motor that makes what it is told.
@@ -326,11 +331,18 @@ fn diagnosed_against(
         sample
     };
     let samples: Vec<Sample> = (0..1000 * seconds).map(sample).collect();
-    let folder = Folder::new();
-    folder.write("axis.toml", BASELINE);
-    folder.write("run.csv", csv(&samples));
-    folder.done("diagnose run.csv --model axis.toml --json out.json");
-    folder.json("out.json")
+    diagnosed_from(&samples)
+}
+
+/// Coulomb friction, as good as, and viscous friction.
+fn friction(v: f64) -> f64 {
+    0.12 * (v / 0.002).tanh() + 0.02 * v
+}
+
+/// A drive that moves an axis with that friction at many speeds.
+fn three_waves(t: f64) -> f64 {
+    let wave = |hertz: f64| (TAU * hertz * t).sin();
+    0.3 * wave(0.31) + 0.25 * wave(0.83) + 0.15 * wave(1.9)
 }
 
 /// Where a simulator smooths friction, the axis creeps before it breaks away, at the start above all: against Coulomb friction
@@ -352,10 +364,7 @@ fn smoothed_friction_is_no_effect() {
 /// Drag that grows with the cube of speed is none of those that the catalogue has, though three of them together follow it.
 #[test]
 fn a_friction_curve_that_takes_three_laws_is_none_of_them() {
-    let friction = |_, v: f64| 0.12 * (v / 0.002).tanh() + 0.02 * v + 0.004 * v.powi(3);
-    let wave = |hertz: f64, t: f64| (TAU * hertz * t).sin();
-    let drive = |t: f64| 0.3 * wave(0.31, t) + 0.25 * wave(0.83, t) + 0.15 * wave(1.9, t);
-    let json = diagnosed_against(friction, drive, 20);
+    let json = diagnosed_against(|_, v| friction(v) + 0.004 * v.powi(3), three_waves, 20);
     assert_eq!(unknown(&json), "velocity");
 }
 
@@ -372,11 +381,8 @@ fn a_load_that_wanders_is_no_noise() {
         load
     });
     let loads: Vec<f64> = loads.collect();
-    let friction = |v: f64| 0.12 * (v / 0.002).tanh() + 0.02 * v;
-    let wave = |hertz: f64, t: f64| (TAU * hertz * t).sin();
-    let drive = |t: f64| 0.3 * wave(0.31, t) + 0.25 * wave(0.83, t) + 0.15 * wave(1.9, t);
     let at = |t: f64| loads[(1000.0 * t).round() as usize];
-    let json = diagnosed_against(|t, v| friction(v) + at(t), drive, 60);
+    let json = diagnosed_against(|t, v| friction(v) + at(t), three_waves, 60);
     assert_eq!(unknown(&json), "time, at random");
     assert_eq!(json["findings"], serde_json::json!([]));
 }

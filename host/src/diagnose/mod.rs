@@ -44,8 +44,9 @@ const SHARE_OF_GENERIC: f64 = 0.6;
 /// well, something acts there that the training part did not show.
 const DEPARTS: f64 = 2.0;
 
-/// How much less a name is worth while something unexplained remains, which it may stand in for, or the data are wrong: of the findings beside an
-/// `unknown` verdict about this share is right, as the `validate` example shows for physics outside the catalogue.
+/// How much less a name is worth while something unexplained remains, which it may stand in for: of the findings beside an
+/// `unknown` verdict about this share is right, as the `validate` example shows for physics outside the catalogue. Wrong data
+/// are taken to be as bad.
 const BESIDE_UNKNOWN: f64 = 0.3;
 
 /// Diagnoses a baseline that has been fitted on a workbench. `progress` is told what is being done.
@@ -155,7 +156,7 @@ pub fn diagnose(
 /// What bends the curve of friction over speed. All of them together piece a curve together that none of them is.
 const CURVES: [&str; 3] = ["stribeck", "quadratic-drag", "power-law-viscous"];
 
-/// Warnings of what effects of the catalogue do as well: delay and lag, inertia mismatch, delay.
+/// Warnings of what effects of the catalogue do as well: delay, lag and inertia mismatch.
 const PHYSICS_TOO: [&str; 3] = ["channels-shifted", "given-inertia", "long-delay"];
 
 /// Whether a warning says that the data are wrong.
