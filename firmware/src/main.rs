@@ -39,7 +39,7 @@ mod app {
     use bristle_firmware::fault;
     use bristle_firmware::inlet;
     use bristle_firmware::log;
-    use bristle_firmware::outbox::{Outbox, Postbox, WAITING};
+    use bristle_firmware::outbox::{Bridge, Outbox, Postbox, WAITING};
     use bristle_firmware::stack;
     use rtic_sync::channel::{Channel, Receiver, Sender};
 
@@ -97,6 +97,7 @@ mod app {
         inbound: Channel<Packet<f32>, BACKLOG> = Channel::new(),
         chores: Channel<Chore, BACKLOG> = Channel::new(),
         outbound: Channel<Frame, WAITING> = Channel::new(),
+        actuations: Channel<Frame, 1> = Channel::new(),
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
         stack::paint();
@@ -105,8 +106,10 @@ mod app {
         let (packet, packets) = cx.local.inbound.split();
         let (chore, chores) = cx.local.chores.split();
         let (frame, frames) = cx.local.outbound.split();
+        let (place, actuated) = cx.local.actuations.split();
         let mut board = Board::start(cx.device, cx.core, cx.local.persistent);
-        let postbox = Postbox::new(frame, if board.fast { || () } else { wake_serial });
+        let notify = if board.fast { || () } else { wake_serial };
+        let postbox = Postbox::new(frame, notify);
         let (parameters, faults) = board.storage.load(board.faults);
         let Some(drive) = Drive::new(parameters, faults, cx.local.ring) else {
             // What is loaded is valid.
@@ -116,19 +119,19 @@ mod app {
         let hello = board.hello(RING);
         let _ = serve::spawn(hello, packets, chore.clone(), postbox.another());
         let _ = stream::spawn(snapshots, postbox.another());
-        let _ = keep::spawn(chores, board.storage, postbox.another());
+        let _ = keep::spawn(chores, board.storage, postbox);
         let emulated = board.hardware.is_none();
         log::started(emulated);
         let shared = Shared {
             drive,
             mailbox: Mailbox::new(),
             receiver: link::Receiver::new(),
-            outbox: Outbox::new(frames),
+            outbox: Outbox::new(actuated, frames),
         };
         let local = Local {
             hardware: match board.hardware {
                 Some(power) => Hardware::OdriveV3(power),
-                None => Hardware::Emulated(postbox),
+                None => Hardware::Emulated(Bridge::new(place, notify)),
             },
             port: board.port,
             due,

@@ -36,26 +36,47 @@ impl Postbox {
             (self.notify)();
         }
     }
+}
 
-    /// Sends a report if there is room now, and says whether there was.
-    pub fn try_send(&mut self, report: &Report<f32>) -> bool {
-        let sent = encode(report).is_ok_and(|frame| self.frames.try_send(frame).is_ok());
-        (self.notify)();
-        sent
+/// Where the control task leaves what an emulated bridge does. It has a place of its own and goes first, as the host waits for
+/// it: behind frames that wait it would be lost when there is no room.
+pub struct Bridge {
+    place: Sender<'static, Frame, 1>,
+    notify: fn(),
+}
+
+impl Bridge {
+    /// A bridge that calls `notify` after each report, which must see to it that it is sent.
+    pub fn new(place: Sender<'static, Frame, 1>, notify: fn()) -> Self {
+        Self { place, notify }
+    }
+
+    /// Sends what the bridge does. The host sends no sample before it has this, so the place is empty.
+    pub fn send(&mut self, report: &Report<f32>) {
+        // Every report fits a frame.
+        if let Ok(frame) = encode(report) {
+            let _ = self.place.try_send(frame);
+            (self.notify)();
+        }
     }
 }
 
 /// Takes frames from the tasks and gives bytes to the line.
 pub struct Outbox {
+    actuated: Receiver<'static, Frame, 1>,
     frames: Receiver<'static, Frame, WAITING>,
     sending: Frame,
     sent: usize,
 }
 
 impl Outbox {
-    /// An outbox that sends what arrives at `frames`.
-    pub fn new(frames: Receiver<'static, Frame, WAITING>) -> Self {
+    /// An outbox that sends what arrives at `actuated` and, behind it, at `frames`.
+    pub fn new(
+        actuated: Receiver<'static, Frame, 1>,
+        frames: Receiver<'static, Frame, WAITING>,
+    ) -> Self {
         Self {
+            actuated,
             frames,
             sending: Frame::new(),
             sent: 0,
@@ -64,18 +85,19 @@ impl Outbox {
 
     /// Whether nothing is left to send.
     pub fn is_empty(&self) -> bool {
-        self.sent == self.sending.len() && self.frames.is_empty()
+        self.sent == self.sending.len() && self.actuated.is_empty() && self.frames.is_empty()
     }
 
     /// The next frame, whole; not to be mixed with [`Outbox::take_byte`].
     pub fn take_frame(&mut self) -> Option<Frame> {
-        self.frames.try_recv().ok()
+        let actuated = self.actuated.try_recv();
+        actuated.or_else(|_| self.frames.try_recv()).ok()
     }
 
     /// The next byte to send.
     pub fn take_byte(&mut self) -> Option<u8> {
         if self.sent == self.sending.len() {
-            self.sending = self.frames.try_recv().ok()?;
+            self.sending = self.take_frame()?;
             self.sent = 0;
         }
         let byte = *self.sending.get(self.sent)?;
