@@ -30,10 +30,6 @@ pub struct Axis {
     pub parameters: Parameters<f32>,
 }
 
-/// Of an emulator that is silent for longer, as one that was stopped, nothing more is expected: it is started anew. A machine
-/// that compiles on all its cores lets one wait for seconds.
-const DEAD: Duration = Duration::from_secs(5);
-
 /// As a serial port waits while a board is looked for.
 const LOOKING: Duration = Duration::from_millis(400);
 
@@ -51,7 +47,6 @@ impl Live {
     /// Sets up a board that has greeted, and lets time pass for it.
     pub fn start<W: Wire + Send + 'static>(mut board: Peer<f32, W>, axis: Axis) -> Result<Self> {
         board.tell(Command::Set(axis.parameters))?;
-        board.wire().set_patience(DEAD)?;
         let name = board.wire().name().to_owned();
         let (to_board, inbox) = channel();
         let (out, from_board) = channel();
