@@ -198,6 +198,29 @@ fn what_depends_on_position_and_squared_velocity_is_noticed() {
     assert_eq!(unknown(&json), "position and squared velocity");
 }
 
+/// A sensor eccentricity feigns the first part of `J(q)·q̈ + ½·J'(q)·v²`, of a load that swings along as of a sensor.
+#[test]
+fn an_inertia_that_changes_over_the_turn_is_no_eccentricity() {
+    let torque = |_, state: State, u: f64| {
+        let (sin, cos) = (state.q + 0.6).sin_cos();
+        let swing = 0.012 * 0.2 * 0.5 * sin * state.v * state.v;
+        let friction = 0.12 * state.v.signum() + 0.02 * state.v;
+        (u + swing + friction * 0.2 * cos) / (1.0 + 0.2 * cos)
+    };
+    let json = diagnosed_under_control(|_| PLAIN, torque);
+    assert_eq!(unknown(&json), "position and squared velocity");
+    assert_eq!(json["findings"], serde_json::json!([]));
+}
+
+/// Against friction it varies along the travel, but so does what would be a friction level only at one speed.
+#[test]
+fn viscous_friction_over_the_travel_is_no_friction_level() {
+    let torque = |_, state: State, u: f64| u - 0.004 * state.v * (1.0 + (1.7 * state.q).sin());
+    let json = diagnosed_under_control(|_| PLAIN, torque);
+    assert_eq!(unknown(&json), "position and velocity");
+    assert_eq!(json["findings"], serde_json::json!([]));
+}
+
 /// A motor that loses a fifth of its torque while it runs, evenly or at first.
 #[test]
 fn a_fading_gain_is_noticed() {
@@ -384,5 +407,24 @@ fn a_load_that_wanders_is_no_noise() {
     let at = |t: f64| loads[(1000.0 * t).round() as usize];
     let json = diagnosed_against(|t, v| friction(v) + at(t), three_waves, 60);
     assert_eq!(unknown(&json), "time, at random");
+    assert_eq!(json["findings"], serde_json::json!([]));
+}
+
+/// Three jams in 24 s stand out to the eye. Whitened, as noise of their own kind, they are lost, and most blocks know of none.
+#[test]
+fn a_few_jams_are_no_noise() {
+    let jams = [2.0, 8.0, 19.5];
+    let jammed = |t: f64| jams.iter().any(|jam| t > *jam && t < jam + 0.7);
+    let resisting = |t, v| {
+        friction(v)
+            + if jammed(t) {
+                0.3 * (v / 0.002_f64).tanh()
+            } else {
+                0.0
+            }
+    };
+    let json = diagnosed_against(resisting, |t| 2.0 * three_waves(t), 24);
+    let coordinate = unknown(&json);
+    assert!(coordinate.starts_with("time, as friction"), "{coordinate}");
     assert_eq!(json["findings"], serde_json::json!([]));
 }

@@ -10,12 +10,12 @@ use std::sync::Arc;
 
 use nalgebra::DVector;
 
-use crate::effects::{Effect, Path, Seat};
+use crate::effects::{Effect, Inner, Path, Seat};
 use crate::error::{Error, Result};
 use crate::linear::{FOLDS, Products, Score};
 use crate::model::{Causality, Model, Parameter, Term};
 use crate::noise::Noise;
-use crate::problem::{Column, Problem, Response};
+use crate::problem::{Column, Direction, Problem, Response};
 use crate::weak::{Part, Track};
 
 /// What a coefficient of the linear problem stands for.
@@ -386,11 +386,9 @@ impl Sides {
 pub fn columns(problem: &Problem, model: &Model, term: &Term) -> Vec<Column> {
     let effect = term.effect;
     let (inner, _) = effect.linear(&values(term), model.scale());
-    if effect.hangs() {
-        return problem.load(effect, inner);
-    }
     if effect.seat() != Seat::Sensor {
-        return problem.effect(effect, inner, &problem.direction(model), &path(model));
+        let direction = problem.direction(model);
+        return torques(problem, effect, inner, &direction, &path(model));
     }
     let inertia = model.parameters()[model.moving_inertia()].value;
     let damping = match (model.viscous.value, inertia) {
@@ -403,6 +401,30 @@ pub fn columns(problem: &Problem, model: &Model, term: &Term) -> Vec<Column> {
         Column::new(column)
     };
     problem.errors(effect).iter().map(feigned).collect()
+}
+
+/// The columns of an effect that sits in no sensor.
+fn torques(
+    problem: &Problem,
+    effect: &'static dyn Effect,
+    inner: Inner,
+    direction: &Direction,
+    path: &Path,
+) -> Vec<Column> {
+    let basis = || problem.effect(effect, inner, direction, path);
+    match effect.seat() {
+        Seat::Load => problem.load(effect, inner),
+        Seat::Momentum => {
+            let both = basis().into_iter().zip(problem.errors(effect));
+            let sum = |(basis, [momentum, _]): (Column, [Column; 2])| {
+                let mut sum = basis.to_vec();
+                add(&mut sum, 1.0, &momentum);
+                Column::new(sum)
+            };
+            both.map(sum).collect()
+        }
+        _ => basis(),
+    }
 }
 
 fn unknown(sensor: bool, term: usize, index: usize) -> Unknown {
@@ -490,10 +512,7 @@ pub fn residual(problem: &Problem, model: &Model) -> Vec<f64> {
                 add(&mut torque, c * value(&model.viscous), velocity);
             }
         } else {
-            let columns = match term.effect.seat() {
-                Seat::Load => problem.load(term.effect, inner),
-                _ => problem.effect(term.effect, inner, &direction, &path),
-            };
+            let columns = torques(problem, term.effect, inner, &direction, &path);
             for (column, c) in columns.iter().zip(coefficients) {
                 add(&mut torque, -c, column);
             }

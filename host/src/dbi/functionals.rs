@@ -171,7 +171,7 @@ fn of_effect(bench: &Workbench, model: &Model, term: &Term) -> Vec<Raw> {
             let columns = problem.effect(effect, inner, &direction, &path);
             ("∫B φ", "1", columns)
         }
-        Seat::Input | Seat::Inertia => return Vec::new(),
+        Seat::Input | Seat::Inertia | Seat::Momentum => return Vec::new(),
     };
     let several = columns.len() > 1;
     let named = |k: usize| {

@@ -29,6 +29,15 @@ pub(super) struct Leftover {
     pub coordinates: Vec<(&'static str, f64)>,
 }
 
+impl Leftover {
+    /// Has one coordinate certainly come first, with its gain.
+    pub fn is_told_by(&mut self, coordinate: &'static str, gain: f64) {
+        self.coordinates.retain(|(name, _)| *name != coordinate);
+        self.coordinates.insert(0, (coordinate, gain));
+        self.certain = true;
+    }
+}
+
 /// What is left for generic functions on top of a model.
 pub(super) fn of(bench: &Workbench, model: &Model) -> Result<Leftover> {
     let Some(base) = Base::new(bench, model)? else {
@@ -55,20 +64,30 @@ pub(super) fn of(bench: &Workbench, model: &Model) -> Result<Leftover> {
     groups.push(("time, periodically", base.spectral_line()));
     let friction = bench.problem.coulomb(&Direction::default());
     let residual = system::residual(&bench.problem, model);
-    for (name, carrier) in [
-        ("time, as friction in spells", friction.as_slice()),
-        ("time, in spells", &vec![1.0; friction.len()]),
-    ] {
-        groups.push((name, base.spells(carrier, &residual)));
+    let load = vec![1.0; friction.len()];
+    let carriers = [
+        (
+            "time, as friction in spells",
+            "time, as friction at random",
+            friction.as_slice(),
+        ),
+        ("time, in spells", "time, at random", load.as_slice()),
+    ];
+    for (in_spells, _, carrier) in carriers {
+        groups.push((in_spells, base.spells(carrier, &residual)));
     }
     let mut alone: Vec<(&'static str, Generic)> = groups
         .par_iter()
         .map(|(name, c)| (*name, base.generic(c)))
         .collect();
     let size = relative_residual(bench, model);
-    let wanders = base.wanders(&residual, size);
-    if wanders.certain {
-        alone.push(("time, at random", wanders));
+    for (in_spells, at_random, carrier) in carriers {
+        // What shows beside noise of its own kind needs no look without.
+        let shows = |(name, generic): &(&str, Generic)| *name == in_spells && generic.certain;
+        if !alone.iter().any(shows) {
+            let wanders = base.wanders(carrier, &residual, size);
+            alone.extend(wanders.certain.then_some((at_random, wanders)));
+        }
     }
     alone.sort_by(|a, b| b.1.gain.total_cmp(&a.1.gain));
     let all: Vec<Vec<f64>> = groups.into_iter().flat_map(|(_, c)| c).collect();

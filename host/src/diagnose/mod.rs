@@ -20,7 +20,7 @@ pub use outcome::{
 };
 
 use crate::check::{self, Severity, Warning};
-use crate::effects::Effect;
+use crate::effects::{Effect, Impostor};
 use crate::error::Result;
 use crate::format;
 use crate::identify::{Identified, Workbench};
@@ -32,6 +32,7 @@ use findings::findings;
 use leftover::Leftover;
 use select::{Scope, Selected, Selection};
 use sharpen::{Fast, sharpened};
+use trial::Trial;
 
 /// A model whose free run errs by more than this share of the motion on both parts is not adequate, whatever the weak
 /// form can tell apart.
@@ -73,13 +74,18 @@ pub fn diagnose(
     let given = given::refuted(bench, before, (base_error, remaining))?;
     let curves = selected.iter().map(|s| s.trial.effect.id());
     let pieced = curves.filter(|id| CURVES.contains(id)).count() == CURVES.len();
-    let misnamed = given.is_some() || pieced || significant && reached < SHARE_OF_GENERIC;
+    let impostor = impostor(bench, &selected, &after, before)?;
+    let nameless = pieced || impostor.is_some();
+    let misnamed = given.is_some() || nameless || significant && reached < SHARE_OF_GENERIC;
     let (mut selected, mut after) = if misnamed && !selected.is_empty() {
         leftover = leftover::of(bench, before)?;
         (Vec::new(), before.clone())
     } else {
         (selected, after)
     };
+    if let Some((coordinate, gain)) = impostor {
+        leftover.is_told_by(coordinate, gain);
+    }
     let creep = take_nuisance(&mut selected, [&mut settled, &mut after], before);
     let departure = confirm::departure(bench, &after);
     let departs = selected.is_empty()
@@ -93,7 +99,7 @@ pub fn diagnose(
     let bench = fine.as_ref().map_or(bench, |fast| &fast.bench);
     let hopeless =
         selected.is_empty() && baseline.fit.train.nrmse.min(baseline.fit.held_out.nrmse) > HOPELESS;
-    let verdict = if significant || pieced || departs || hopeless || given.is_some() {
+    let verdict = if significant || nameless || departs || hopeless || given.is_some() {
         Verdict::Unknown
     } else if selected.is_empty() {
         Verdict::Adequate
@@ -230,6 +236,37 @@ fn whitened(bench: &Workbench, model: &Model) -> Vec<f64> {
     let mut residual = bench.noise.whiten(&system::residual(&bench.problem, model));
     residual.iter_mut().for_each(|r| *r *= emphasis);
     residual
+}
+
+/// The first selected effect that physics outside the catalogue is taken for, if that fits better in its place: what it depends
+/// on, and what it gains.
+fn impostor(
+    bench: &Workbench,
+    selected: &[Selected],
+    after: &Model,
+    before: &Model,
+) -> Result<Option<(&'static str, f64)>> {
+    for (k, selected) in selected.iter().enumerate() {
+        let effect = selected.trial.effect;
+        let Some(Impostor {
+            effect: other,
+            coordinate,
+        }) = effect.impostor()
+        else {
+            continue;
+        };
+        let lacking = select::without(after, before.terms.len() + k);
+        let (lacking, _) = bench.estimate(&lacking)?;
+        let Some(base) = trial::Base::new(bench, &lacking)? else {
+            continue;
+        };
+        let (own, other) = (base.attempt(effect)?, base.attempt(other)?);
+        let evidence = |trial: &Option<Trial>| trial.as_ref().map_or(0.0, |t| t.delta_bic);
+        if let Some(other) = other.as_ref().filter(|o| o.delta_bic > evidence(&own)) {
+            return Ok(Some((coordinate, other.gain.share)));
+        }
+    }
+    Ok(None)
 }
 
 /// Takes what is no effect of the catalogue out of a selection and its models, which stand on a baseline.

@@ -193,31 +193,37 @@ impl<'a> Base<'a> {
         (0..count).map(mean).collect()
     }
 
-    /// What the rows shortly before and after say of each row when noise is not whitened, which takes a load that wanders for
-    /// noise of its own kind. Certain is what takes off the residual, which is `size` of the drive, as much as effects that are
-    /// looked for.
-    pub fn wanders(&self, residual: &[f64], size: f64) -> Generic {
+    /// What the rows shortly before and after say of each row, if a torque times `carrier` comes and goes, when noise is not
+    /// whitened, which takes such a torque for noise of its own kind. Certain is what takes off the residual, which is `size` of
+    /// the drive, as much as effects that are looked for, in all blocks or, if it is too rare for that, in the held-out part
+    /// as well.
+    pub fn wanders(&self, carrier: &[f64], residual: &[f64], size: f64) -> Generic {
         let sigma = &self.bench.noise.sigma;
-        let z: Vec<f64> = residual.iter().zip(sigma).map(|(r, s)| r / s).collect();
-        let means = self.nearby(&vec![1.0; z.len()], &z);
+        let over = |x: &[f64]| -> Vec<f64> { x.iter().zip(sigma).map(|(x, s)| x / s).collect() };
+        let (z, carrier) = (over(residual), over(carrier));
+        let means = self.nearby(&carrier, &z);
+        let told: Vec<f64> = carrier.iter().zip(means).map(|(c, m)| c * m).collect();
         let blocks = || {
-            let rows = self.bench.blocks.iter().zip(z.iter().zip(&means));
-            rows.filter_map(|(block, (z, mean))| Some(((*block)?, *z, *mean)))
+            let rows = self.bench.blocks.iter().zip(z.iter().zip(&told));
+            rows.filter_map(|(block, (z, told))| Some(((*block)?, *z, *told)))
         };
-        let sum = |f: fn(f64, f64) -> f64| blocks().map(|(_, z, mean)| f(z, mean)).sum::<f64>();
-        let slope = sum(|z, mean| z * mean) / sum(|_, mean| mean * mean).max(f64::MIN_POSITIVE);
+        let sum = |f: fn(f64, f64) -> f64| blocks().map(|(_, z, told)| f(z, told)).sum::<f64>();
+        let slope = sum(|z, told| z * told) / sum(|_, told| told * told).max(f64::MIN_POSITIVE);
         if slope <= 0.0 {
             return Generic::default();
         }
-        let count = blocks().map(|(block, ..)| block + 1).max();
-        let mut falls = vec![0.0; count.unwrap_or_default()];
-        for (block, z, mean) in blocks() {
-            falls[block] += z * z - (z - slope * mean).powi(2);
+        let rest: Vec<f64> = z.iter().zip(&told).map(|(z, t)| z - slope * t).collect();
+        let count = self.bench.blocks.iter().flatten().max();
+        let mut falls = vec![0.0; count.map_or(0, |last| last + 1)];
+        for (block, z, told) in blocks() {
+            falls[block] += z * z - (z - slope * told).powi(2);
         }
         let gain = falls.iter().sum::<f64>() / sum(|z, _| z * z);
+        let shows_again = || HeldOut::between(self.bench, &rest, &z).shows_again();
         Generic {
             gain,
-            certain: gain.sqrt() * size >= SOUGHT && students_t(&falls) >= self.least_t,
+            certain: gain.sqrt() * size >= SOUGHT
+                && (students_t(&falls) >= self.least_t || shows_again()),
         }
     }
 

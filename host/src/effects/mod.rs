@@ -11,7 +11,9 @@
 mod creep;
 mod path;
 mod point;
+mod position_dependent_viscous;
 mod quantity;
+mod swing;
 mod wave;
 
 pub use creep::CREEP;
@@ -31,6 +33,8 @@ pub enum Seat {
     Input,
     /// In the measured `q`, by [`Effect::error`].
     Sensor,
+    /// In `τ`, by [`Effect::basis`] and the second derivative of [`Effect::error`] over time.
+    Momentum,
     /// In a load behind the measured side, by [`Effect::load`]: its coefficient is the part of `J` that hangs there.
     Load,
     /// In `J`: its first parameter takes the place of the inertia that the model gives.
@@ -86,6 +90,16 @@ pub struct Confusion {
     pub tell_apart_by: &'static str,
 }
 
+/// Physics outside the catalogue, with as many parameters as the effect that it is taken for. Where it fits better in the place
+/// of that effect, what is left out has no name.
+#[derive(Clone, Copy)]
+pub struct Impostor {
+    /// Its equation.
+    pub effect: &'static dyn Effect,
+    /// What it depends on.
+    pub coordinate: &'static str,
+}
+
 /// Parameters on which an effect depends nonlinearly: the scanned one and, where there is one, a second.
 pub type Inner = [f64; 2];
 
@@ -107,6 +121,10 @@ pub trait Effect: Sync {
     /// One sentence that a person can act on, from the estimated parameters.
     fn sentence(&self, parameters: &[f64], motion: Motion) -> String;
 
+    /// What is taken for it and is no effect of the catalogue, if there is such physics.
+    fn impostor(&self) -> Option<Impostor> {
+        None
+    }
     /// Why the effect cannot be told on such an axis, if it cannot: what follows "because".
     fn unsuited(&self, _axis: Given) -> Option<&'static str> {
         None
@@ -170,7 +188,8 @@ pub trait Effect: Sync {
     }
     /// What the effect does to the way of the input, for named parameters.
     fn transmit(&self, _parameters: &[f64], _path: &mut Path) {}
-    /// The error of the measured position `q` of each unit coefficient, and its slope over `q`, into `out`.
+    /// The error of the measured position `q` of each unit coefficient, and its slope over `q`, into `out`; of what sits in
+    /// the momentum, what takes the place of the error.
     fn error(&self, _q: f64, _out: &mut [(f64, f64)]) {}
     /// Where a load that the measured motion carries along stands at every sample, relative to the measured position `q`;
     /// `v` is the smoothed velocity.

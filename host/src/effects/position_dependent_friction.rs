@@ -20,7 +20,8 @@
 //! B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, A survey of models, analysis tools and compensation methods for
 //! the control of machines with friction, Automatica 30(7), 1994, sec. 2.1 (position dependence).
 
-use super::{Confusion, Effect, Inner, Motion, Quantity, Scale, Spec, Survey, Wave, cartesian, polar};
+use super::position_dependent_viscous::PositionDependentViscous;
+use super::{Confusion, Effect, Impostor, Inner, Motion, Quantity, Scale, Spec, Survey, Wave, cartesian, polar};
 use crate::format::quantity;
 
 /// Waves over the travel: from half of one on, thirds apart.
@@ -71,6 +72,9 @@ impl Effect for PositionDependentFriction {
             quantity(p[0].abs(), Quantity::Torque.unit(motion)),
             quantity(p[2], Quantity::Position.unit(motion))
         )
+    }
+    fn impostor(&self) -> Option<Impostor> {
+        Some(Impostor { effect: &PositionDependentViscous, coordinate: "position and velocity" })
     }
     fn width(&self) -> usize {
         2

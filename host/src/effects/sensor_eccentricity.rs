@@ -20,7 +20,8 @@
 //! J. Lara, J. Xu, A. Chandra, Effects of rotor position error in the performance of field-oriented-controlled PMSM drives
 //! for electric vehicle traction applications, IEEE Trans. Industrial Electronics 63(8), 2016.
 
-use super::{Confusion, Effect, FREE, Given, Inner, Motion, Quantity, Scale, Seat, Spec, cartesian, polar};
+use super::{Confusion, Effect, FREE, Given, Impostor, Inner, Motion, Quantity, Scale, Seat, Spec, cartesian, polar};
+use super::swing::Swing;
 use crate::format::quantity;
 
 pub(super) struct SensorEccentricity;
@@ -65,6 +66,12 @@ impl Effect for SensorEccentricity {
     }
     fn unsuited(&self, axis: Given) -> Option<&'static str> {
         (axis.motion == Motion::Linear).then_some("a linear axis has no turn")
+    }
+    fn impostor(&self) -> Option<Impostor> {
+        Some(Impostor {
+            effect: &Swing,
+            coordinate: "position and squared velocity",
+        })
     }
     fn seat(&self) -> Seat {
         Seat::Sensor

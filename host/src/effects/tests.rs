@@ -2,6 +2,7 @@
 
 use std::f64::consts::TAU;
 
+use super::swing::Swing;
 use super::{
     ALL, CREEP, Effect, Motion, Point, Scale, Survey, find, periodicities, section, tell_apart,
 };
@@ -174,10 +175,36 @@ fn periods_that_pass_by_between_samples_are_not_tried() {
     assert!(linear < 50.0 && linear > 49.0, "{linear}");
 }
 
+/// `ΔJ·q̈ + ½·ΔJ'·q̇²` along `q = sin t`, its second derivative by differences.
+#[test]
+fn an_inertia_over_the_turn_is_a_second_derivative_and_a_torque() {
+    let [sine, cosine] = [0.7, -0.4];
+    let of = |two: [f64; 2]| sine * two[0] + cosine * two[1];
+    let momentum = |t: f64| {
+        let mut out = [(0.0, 0.0); 2];
+        Swing.error(t.sin(), &mut out);
+        of(out.map(|(value, _)| value))
+    };
+    for t in [0.3, 1.1, 2.6] {
+        let (q, v, a) = (f64::sin(t), f64::cos(t), -f64::sin(t));
+        let mut out = [0.0; 2];
+        Swing.basis([0.0; 2], Point::new(Motion::Rotary, q, v, 1.0), &mut out);
+        let h = 1e-3;
+        let second = (momentum(t + h) - 2.0 * momentum(t) + momentum(t - h)) / (h * h);
+        let [change, slope] = [of([q.cos(), -q.sin()]), of([-q.sin(), -q.cos()])];
+        let torque = change * a + 0.5 * slope * v * v;
+        assert!((second + of(out) - torque).abs() < 1e-5, "{t}");
+    }
+}
+
 #[test]
 fn what_is_no_effect_of_the_catalogue_has_no_id_of_it() {
     assert!(CREEP.nuisance() && find(CREEP.id()).is_none());
     assert!(ALL.iter().all(|effect| !effect.nuisance()));
+    for (effect, impostor) in ALL.iter().filter_map(|e| Some((e, e.impostor()?.effect))) {
+        assert!(find(impostor.id()).is_none());
+        assert_eq!(impostor.parameters().len(), effect.parameters().len());
+    }
     // Friction without its jump: nothing at standstill, nothing missing at speed.
     let missing = |v: f64| {
         let mut out = [0.0];

@@ -170,7 +170,7 @@ fn advice(coordinate: &str) -> &'static str {
         "input, over time" | "time, as inertia" => {
             "A drive whose gain, or a load whose inertia, changed during the run: log supply voltage and temperature, and repeat the same motion early and late."
         }
-        "time, as friction in spells" => {
+        "time, as friction in spells" | "time, as friction at random" => {
             "Friction that comes and goes (dirt, chips, a cable that rubs): look at the residual against time, then repeat the run; what comes back at another time is loose."
         }
         "time, in spells" => {
