@@ -212,11 +212,12 @@ impl<'a> Base<'a> {
         if slope <= 0.0 {
             return Generic::default();
         }
-        let rest: Vec<f64> = z.iter().zip(&told).map(|(z, t)| z - slope * t).collect();
+        let without = |z: f64, told: f64| z - slope * told;
+        let rest: Vec<f64> = z.iter().zip(&told).map(|(z, t)| without(*z, *t)).collect();
         let count = self.bench.blocks.iter().flatten().max();
         let mut falls = vec![0.0; count.map_or(0, |last| last + 1)];
         for (block, z, told) in blocks() {
-            falls[block] += z * z - (z - slope * told).powi(2);
+            falls[block] += z * z - without(z, told).powi(2);
         }
         let gain = falls.iter().sum::<f64>() / sum(|z, _| z * z);
         let shows_again = || HeldOut::between(self.bench, &rest, &z).shows_again();

@@ -12,6 +12,7 @@
 //! # Confused with
 //! gravity, spring and cogging keep their sign when the direction reverses: cross the same positions both ways.
 //! A wave longer than twice the travel is a slope, and its length is not known.
+//! Viscous friction that varies along the travel, which the catalogue lacks, is tried in its place.
 //!
 //! # Example
 //! A guide that is tight in the middle or at its ends, a bent screw, a gear with a high tooth, a seal off centre.

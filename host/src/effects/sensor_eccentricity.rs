@@ -12,6 +12,7 @@
 //! # Confused with
 //! gravity, whose torque does not grow with speed; once-per-turn torques in general: constant speeds, slow and fast.
 //! Below a count of the sensor it cannot be seen: use a reference encoder.
+//! An inertia that changes over the turn, which the catalogue lacks, is tried in its place.
 //!
 //! # Example
 //! A code wheel mounted off centre, a magnet beside the axis of its Hall sensor, a resolver with unequal windings.
