@@ -210,6 +210,8 @@ fn an_inertia_that_changes_over_the_turn_is_no_eccentricity() {
     let json = diagnosed_under_control(|_| PLAIN, torque);
     assert_eq!(unknown(&json), "position and squared velocity");
     assert_eq!(json["findings"], serde_json::json!([]));
+    let gain = json["unexplained"]["gain"].as_f64().unwrap_or(0.0);
+    assert!(gain > 0.8, "{gain}");
 }
 
 /// Against friction it varies along the travel, but so does what would be a friction level only at one speed.

@@ -21,8 +21,8 @@ const TIMING: f64 = 0.1;
 pub(super) struct Leftover {
     /// Gain of the whole dictionary.
     pub gain: f64,
-    /// RMS torque that goes with it, over the RMS of the drive.
-    pub size: f64,
+    /// RMS torque of all that is left, over the RMS of the drive.
+    left: f64,
     /// Whether something is certainly left: large enough to matter, and no chance of a few blocks.
     pub certain: bool,
     /// Gain of each group alone, best first.
@@ -30,8 +30,14 @@ pub(super) struct Leftover {
 }
 
 impl Leftover {
+    /// RMS torque that goes with the gain, over the RMS of the drive.
+    pub fn size(&self) -> f64 {
+        self.gain.max(0.0).sqrt() * self.left
+    }
+
     /// Has one coordinate certainly come first, with its gain.
     pub fn is_told_by(&mut self, coordinate: &'static str, gain: f64) {
+        self.gain = self.gain.max(gain);
         self.coordinates.retain(|(name, _)| *name != coordinate);
         self.coordinates.insert(0, (coordinate, gain));
         self.certain = true;
@@ -43,7 +49,7 @@ pub(super) fn of(bench: &Workbench, model: &Model) -> Result<Leftover> {
     let Some(base) = Base::new(bench, model)? else {
         return Ok(Leftover {
             gain: 0.0,
-            size: 0.0,
+            left: 0.0,
             certain: false,
             coordinates: Vec::new(),
         });
@@ -80,12 +86,12 @@ pub(super) fn of(bench: &Workbench, model: &Model) -> Result<Leftover> {
         .par_iter()
         .map(|(name, c)| (*name, base.generic(c)))
         .collect();
-    let size = relative_residual(bench, model);
+    let left = relative_residual(bench, model);
     for (in_spells, at_random, carrier) in carriers {
         // What shows beside noise of its own kind needs no look without.
         let shows = |(name, generic): &(&str, Generic)| *name == in_spells && generic.certain;
         if !alone.iter().any(shows) {
-            let wanders = base.wanders(carrier, &residual, size);
+            let wanders = base.wanders(carrier, &residual, left);
             alone.extend(wanders.certain.then_some((at_random, wanders)));
         }
     }
@@ -95,13 +101,14 @@ pub(super) fn of(bench: &Workbench, model: &Model) -> Result<Leftover> {
     let each = alone.iter().map(|g| g.1).chain([together]);
     let shares = each.clone().map(|g| g.gain);
     let gain = shares.fold(f64::NEG_INFINITY, f64::max);
-    let size = gain.max(0.0).sqrt() * size;
-    Ok(Leftover {
+    let mut leftover = Leftover {
         gain,
-        size,
-        certain: size >= smallest(bench) && each.into_iter().any(|g| g.certain),
-        coordinates: alone.into_iter().map(|(name, g)| (name, g.gain)).collect(),
-    })
+        left,
+        certain: false,
+        coordinates: alone.iter().map(|(name, g)| (*name, g.gain)).collect(),
+    };
+    leftover.certain = leftover.size() >= smallest(bench) && each.into_iter().any(|g| g.certain);
+    Ok(leftover)
 }
 
 /// Whether what a model leaves of the torque is large enough to count.

@@ -69,7 +69,7 @@ pub fn diagnose(
     let remaining = error(bench, &after)?;
     let reached = (base_error - remaining)
         / (base_error - remaining * (1.0 - leftover.gain)).max(f64::MIN_POSITIVE);
-    let little = leftover.size < select::SOUGHT && reached >= 1.0 - select::FLOOR;
+    let little = leftover.size() < select::SOUGHT && reached >= 1.0 - select::FLOOR;
     let significant = leftover.certain && (selected.is_empty() || !little);
     let given = given::refuted(bench, before, (base_error, remaining))?;
     let curves = selected.iter().map(|s| s.trial.effect.id());
@@ -220,7 +220,7 @@ fn found(
 fn unexplained(leftover: &Leftover) -> Unexplained {
     Unexplained {
         gain: leftover.gain,
-        size: leftover.size,
+        size: leftover.size(),
         coordinates: leftover.coordinates.iter().take(3).copied().collect(),
     }
 }
