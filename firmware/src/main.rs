@@ -39,7 +39,7 @@ mod app {
     use bristle_firmware::fault;
     use bristle_firmware::inlet;
     use bristle_firmware::log;
-    use bristle_firmware::outbox::{Bridge, Outbox, Postbox, WAITING};
+    use bristle_firmware::outbox::{Actuations, Outbox, Postbox, WAITING};
     use bristle_firmware::stack;
     use rtic_sync::channel::{Channel, Receiver, Sender};
 
@@ -131,7 +131,7 @@ mod app {
         let local = Local {
             hardware: match board.hardware {
                 Some(power) => Hardware::OdriveV3(power),
-                None => Hardware::Emulated(Bridge::new(place, notify)),
+                None => Hardware::Emulated(Actuations::new(place, notify)),
             },
             port: board.port,
             due,

@@ -40,13 +40,13 @@ impl Postbox {
 
 /// Where the control task leaves what an emulated bridge does. It has a place of its own and goes first, as the host waits for
 /// it: behind frames that wait it would be lost when there is no room.
-pub struct Bridge {
+pub struct Actuations {
     place: Sender<'static, Frame, 1>,
     notify: fn(),
 }
 
-impl Bridge {
-    /// A bridge that calls `notify` after each report, which must see to it that it is sent.
+impl Actuations {
+    /// A place that calls `notify` after each report, which must see to it that it is sent.
     pub fn new(place: Sender<'static, Frame, 1>, notify: fn()) -> Self {
         Self { place, notify }
     }

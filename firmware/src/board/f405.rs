@@ -12,7 +12,7 @@ use bristle_core::link::{self, Answer, Board as Kind, Hello, Injection, Numbers}
 
 use super::emulated::{self, Persistent};
 use super::{Serial, device, greeting, odrive_v3};
-use crate::outbox::Bridge;
+use crate::outbox::Actuations;
 
 /// Bytes that the fast transport takes at once.
 pub const BLOCK: usize = 512;
@@ -100,7 +100,7 @@ pub fn serial_port(
 /// What the control task works on.
 pub enum Hardware {
     /// The host has sensors and bridge.
-    Emulated(Bridge),
+    Emulated(Actuations),
     /// The board has.
     OdriveV3(odrive_v3::Power),
 }
@@ -121,7 +121,7 @@ impl Hardware {
     /// Drives the bridge. Faults that only the hardware knows are raised for the next period.
     pub fn actuate(&mut self, drive: &mut Drive<f32>, actuation: &Actuation<f32>) {
         match self {
-            Self::Emulated(bridge) => bridge.send(&link::actuation(drive, actuation)),
+            Self::Emulated(actuations) => actuations.send(&link::actuation(drive, actuation)),
             Self::OdriveV3(power) => {
                 if power.clock_failed() {
                     drive.raise(Fault::Clock);

@@ -104,10 +104,10 @@ pub(super) fn of(bench: &Workbench, model: &Model) -> Result<Leftover> {
     let mut leftover = Leftover {
         gain,
         left,
-        certain: false,
+        certain: each.into_iter().any(|g| g.certain),
         coordinates: alone.iter().map(|(name, g)| (*name, g.gain)).collect(),
     };
-    leftover.certain = leftover.size() >= smallest(bench) && each.into_iter().any(|g| g.certain);
+    leftover.certain &= leftover.size() >= smallest(bench);
     Ok(leftover)
 }
 

@@ -159,16 +159,14 @@ impl<'a> Base<'a> {
         }
     }
 
-    /// What the rows shortly before and after say of each row, if a torque times `carrier` comes and goes in spells: the
-    /// carrier times the mean of the residual along it, as a column.
+    /// What the rows shortly before and after say of each row, if a torque times `carrier` comes and goes in spells, as a
+    /// column.
     pub fn spells(&self, carrier: &[f64], residual: &[f64]) -> Vec<Vec<f64>> {
-        let means = self.nearby(carrier, residual);
-        let column: Vec<f64> = carrier.iter().zip(means).map(|(c, m)| c * m).collect();
-        vec![self.bench.noise.whiten(&column)]
+        vec![self.bench.noise.whiten(&self.nearby(carrier, residual))]
     }
 
-    /// For each row the mean of the residual along a carrier over the rows shortly before and after, without those whose windows
-    /// overlap, so that it has no noise in common with the row.
+    /// For each row the carrier times the mean of the residual along it over the rows shortly before and after, without those
+    /// whose windows overlap, so that it has no noise in common with the row.
     fn nearby(&self, carrier: &[f64], residual: &[f64]) -> Vec<f64> {
         let problem = &self.bench.problem;
         let widths: Vec<f64> = problem.half_widths().collect();
@@ -180,7 +178,7 @@ impl<'a> Base<'a> {
             (row.track == other.track && row.part == other.part && apart <= gap + SPELL)
                 .then_some(apart > gap)
         };
-        let mean = |k: usize| {
+        let told = |k: usize| {
             let forwards = (k + 1..count).map_while(|j| Some((j, near(k, j)?)));
             let backwards = (0..k).rev().map_while(|j| Some((j, near(k, j)?)));
             let (mut along, mut energy) = (0.0, 0.0);
@@ -188,9 +186,10 @@ impl<'a> Base<'a> {
                 along += carrier[j] * residual[j];
                 energy += carrier[j] * carrier[j];
             }
-            if energy > 0.0 { along / energy } else { 0.0 }
+            let mean = if energy > 0.0 { along / energy } else { 0.0 };
+            carrier[k] * mean
         };
-        (0..count).map(mean).collect()
+        (0..count).map(told).collect()
     }
 
     /// What the rows shortly before and after say of each row, if a torque times `carrier` comes and goes, when noise is not
@@ -201,8 +200,7 @@ impl<'a> Base<'a> {
         let sigma = &self.bench.noise.sigma;
         let over = |x: &[f64]| -> Vec<f64> { x.iter().zip(sigma).map(|(x, s)| x / s).collect() };
         let (z, carrier) = (over(residual), over(carrier));
-        let means = self.nearby(&carrier, &z);
-        let told: Vec<f64> = carrier.iter().zip(means).map(|(c, m)| c * m).collect();
+        let told = self.nearby(&carrier, &z);
         let blocks = || {
             let rows = self.bench.blocks.iter().zip(z.iter().zip(&told));
             rows.filter_map(|(block, (z, told))| Some(((*block)?, *z, *told)))
@@ -212,12 +210,13 @@ impl<'a> Base<'a> {
         if slope <= 0.0 {
             return Generic::default();
         }
-        let without = |z: f64, told: f64| z - slope * told;
-        let rest: Vec<f64> = z.iter().zip(&told).map(|(z, t)| without(*z, *t)).collect();
+        let rest: Vec<f64> = z.iter().zip(&told).map(|(z, t)| z - slope * t).collect();
         let count = self.bench.blocks.iter().flatten().max();
         let mut falls = vec![0.0; count.map_or(0, |last| last + 1)];
-        for (block, z, told) in blocks() {
-            falls[block] += z * z - without(z, told).powi(2);
+        for (block, (z, rest)) in self.bench.blocks.iter().zip(z.iter().zip(&rest)) {
+            if let Some(block) = *block {
+                falls[block] += z * z - rest * rest;
+            }
         }
         let gain = falls.iter().sum::<f64>() / sum(|z, _| z * z);
         let shows_again = || HeldOut::between(self.bench, &rest, &z).shows_again();

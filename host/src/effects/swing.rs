@@ -10,10 +10,8 @@
 //! B. Siciliano et al., Robotics: Modelling, Planning and Control, 2009, sec. 7.2 (a configuration-dependent inertia brings
 //! half of its derivative times the squared speed).
 
-use super::{
-    Confusion, Effect, FREE, Given, Inner, Motion, Point, Quantity, Scale, Seat, Spec, cartesian,
-    polar,
-};
+use super::sensor_eccentricity::SensorEccentricity;
+use super::{Confusion, Effect, Given, Inner, Motion, Point, Quantity, Scale, Seat, Spec};
 use crate::format::quantity;
 
 pub(super) struct Swing;
@@ -46,7 +44,7 @@ impl Effect for Swing {
         )
     }
     fn unsuited(&self, axis: Given) -> Option<&'static str> {
-        (axis.motion == Motion::Linear).then_some("a linear axis has no turn")
+        SensorEccentricity.unsuited(axis)
     }
     fn width(&self) -> usize {
         2
@@ -60,13 +58,12 @@ impl Effect for Swing {
         (out[0], out[1]) = (half * sin, half * cos);
     }
     fn error(&self, q: f64, out: &mut [(f64, f64)]) {
-        let (sin, cos) = q.sin_cos();
-        (out[0], out[1]) = ((sin, cos), (cos, -sin));
+        SensorEccentricity.error(q, out);
     }
-    fn named(&self, _inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
-        polar(c).to_vec()
+    fn named(&self, inner: Inner, c: &[f64], scale: Scale) -> Vec<f64> {
+        SensorEccentricity.named(inner, c, scale)
     }
-    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
-        (FREE, cartesian(p[0], p[1]))
+    fn linear(&self, p: &[f64], scale: Scale) -> (Inner, Vec<f64>) {
+        SensorEccentricity.linear(p, scale)
     }
 }
