@@ -1,8 +1,9 @@
 //! What further columns would take off the squared residual of a linear fit, without refitting it.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Complex, DMatrix, DVector};
 
 use crate::linear::dot;
+use crate::spectrum::Circle;
 
 /// A fit over some rows, taken out of everything.
 pub struct Projection {
@@ -71,6 +72,32 @@ impl Projection {
         gain(gram, &right)
     }
 
+    /// The gain of a pair of columns after each number of turns `n` around a circle: of the real and the imaginary part of
+    /// `z = e^(2πi·n·x)·(cos + i·sin)`.
+    ///
+    /// `Σ Re² z = ½ Σ (|z|² + Re z²)`, `Σ Im² z = ½ Σ (|z|² − Re z²)` and `Σ Re z·Im z = ½ Σ Im z²`, less what the fit takes,
+    /// are the Gram matrix; all sums are Fourier sums.
+    pub fn gains_of_turned(&self, sin: &[f64], cos: &[f64], circle: &Circle) -> Vec<f64> {
+        let pair = || self.rows.iter().map(|&k| (k, Complex::new(cos[k], sin[k])));
+        let along = |d: &Vec<f64>| circle.sums(pair().zip(d).map(|((k, z), d)| (k, z * d)));
+        let energy: f64 = pair().map(|(_, z)| z.norm_sqr()).sum();
+        let squares = circle.sums(pair().map(|(k, z)| (k, z * z)));
+        let span: Vec<_> = self.span.iter().map(along).collect();
+        let residual = along(&self.residual);
+        let vector = |z: Complex<f64>| DVector::from_column_slice(&[z.re, z.im]);
+        let turned = |n: i32| {
+            let square = 0.5 * squares.at(2 * n);
+            let diagonal = vector(Complex::new(square.re, -square.re)).add_scalar(0.5 * energy);
+            let mut gram = DMatrix::from_diagonal(&diagonal);
+            gram[(0, 1)] = square.im;
+            for taken in span.iter().map(|sums| vector(sums.at(n))) {
+                gram.ger(-1.0, &taken, &taken, 1.0);
+            }
+            gain(gram, &vector(residual.at(n)))
+        };
+        circle.turns().map(turned).collect()
+    }
+
     /// How much the squared residual falls with the columns of every two of some sets, as shares of it; which two come first.
     pub fn gains_of_two(&self, sets: &[Vec<Vec<f64>>]) -> Vec<([usize; 2], f64)> {
         let (gram, right) = self.gram(&sets.concat());
@@ -125,6 +152,7 @@ fn gain(mut gram: DMatrix<f64>, right: &DVector<f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::Projection;
+    use crate::spectrum::Circle;
 
     /// A step on a ramp: the ramp is fitted away, the step is found where it is, and its gain is what refitting gives.
     #[test]
@@ -150,6 +178,36 @@ mod tests {
         let refit = Projection::new(&response, &[ramp, step.clone()], &seen);
         let fall = left(&projection) - left(&refit);
         assert!(left(&refit) < 1e-18 && (projection.gain(&[step]) - fall).abs() < 1e-6 * fall);
+    }
+
+    /// Rows that lie on places of the circle, so that nothing is rounded but numbers.
+    #[test]
+    fn a_turned_pair_gains_what_its_columns_do() {
+        let n = 100;
+        let column =
+            |of: &dyn Fn(f64) -> f64| -> Vec<f64> { (0..n).map(f64::from).map(of).collect() };
+        let x = column(&|k| 0.25 * (0.37 * k * k).floor());
+        let (sin, cos) = (
+            column(&|k| (0.2 * k * k).sin()),
+            column(&|k| (0.3 * k).cos()),
+        );
+        let response = column(&|k| (1.3 * k * k).sin());
+        let seen: Vec<bool> = (0..n).map(|k| k % 7 > 0).collect();
+        let projection = Projection::new(&response, &[column(&|k| k), column(&|_| 1.0)], &seen);
+        let circle = Circle::new(&x, 3);
+        let gains = projection.gains_of_turned(&sin, &cos, &circle);
+        for (turns, gain) in circle.turns().zip(gains) {
+            let turned = |k: usize| {
+                let (s, c) = (std::f64::consts::TAU * f64::from(turns) * x[k]).sin_cos();
+                (c * sin[k] + s * cos[k], c * cos[k] - s * sin[k])
+            };
+            let (sin, cos) = (0..x.len()).map(turned).unzip();
+            let exact = projection.gain(&[sin, cos]);
+            assert!(
+                (gain - exact).abs() < 1e-9 * exact,
+                "{turns}: {gain} {exact}"
+            );
+        }
     }
 
     /// Two columns that add up to the residual, each of them nearly at right angles to it.
