@@ -430,3 +430,83 @@ fn a_few_jams_are_no_noise() {
     assert!(coordinate.starts_with("time, as friction"), "{coordinate}");
     assert_eq!(json["findings"], serde_json::json!([]));
 }
+
+/// 24 s of a motor, 6 of 10 parts of the inertia, with set-valued friction, that drives a measured load by what joins them: a
+/// torque that follows from how far the motor is ahead, and how fast it moves ahead.
+fn measured_on_the_load(join: impl Fn(f64, f64) -> f64) -> Vec<Sample> {
+    const STEPS: u32 = 50;
+    let h = 1e-3 / f64::from(STEPS);
+    let mut rng = ChaCha8Rng::seed_from_u64(9);
+    let mut x = [0.0_f64; 4];
+    let sample = |k: u32| {
+        let t = f64::from(k) * 1e-3;
+        let wave = |hertz: f64, phase: f64| (TAU * hertz * t + phase).sin();
+        let u = 0.35 * (wave(0.31, 0.0) + wave(0.83, 1.0) + wave(1.9, 2.0) + wave(3.7, 4.0));
+        let q = (x[2] / 1e-4).floor() * 1e-4;
+        let disturbance = 0.01 * ((0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0);
+        for _ in 0..STEPS {
+            let [q, v, load_q, load_v] = x;
+            let joined = join(q - load_q, v - load_v);
+            // Friction holds the motor and does not drive it back.
+            let free = v + h / MOTOR * (u + disturbance - joined - 0.02 * v);
+            let held = h / MOTOR * 0.12;
+            let v = free - free.clamp(-held, held);
+            let load_v = load_v + h / LOAD * joined;
+            x = [q + h * v, v, load_q + h * load_v, load_v];
+        }
+        Sample { t, u, q }
+    };
+    (0..24_000).map(sample).collect()
+}
+
+const MOTOR: f64 = 0.006;
+const LOAD: f64 = 0.004;
+/// What two masses that swing against each other weigh.
+const REDUCED: f64 = MOTOR * LOAD / (MOTOR + LOAD);
+
+/// The one finding of a diagnosis, after which free runs of the held-out part are off by less than this share of before.
+fn only_finding<'a>(json: &'a Value, id: &str, left: f64) -> &'a Value {
+    let findings = json["findings"].as_array().expect("a list");
+    let ids: Vec<&Value> = findings.iter().map(|f| &f["id"]).collect();
+    assert_eq!(ids, [id], "{}", json["text"]);
+    let nrmse = |fit: &Value| fit["held_out"]["nrmse"].as_f64().unwrap_or(f64::NAN);
+    let (before, after) = (nrmse(&json["fit"]["before"]), nrmse(&json["fit"]["after"]));
+    assert!(after < left * before, "{before} {after}");
+    &findings[0]
+}
+
+/// An encoder on the load sees the drive through the spring, friction of the motor with it: a resonance, and no antiresonance.
+#[test]
+fn a_spring_before_the_encoder_is_found_and_predicted() {
+    for (hertz, damping) in [(9.0, 0.05), (14.0, 0.03)] {
+        let omega = TAU * hertz;
+        let join = |ahead: f64, rate: f64| REDUCED * omega * (omega * ahead + 2.0 * damping * rate);
+        let json = diagnosed_from(&measured_on_the_load(join));
+        let finding = only_finding(&json, "compliance", 0.5);
+        let off = value(finding, "resonance") / hertz - 1.0;
+        assert!(off.abs() < 0.03, "{finding}");
+    }
+}
+
+/// Across a gap the load goes on by itself, and is then struck. It shows the gap times the motor's inertia.
+#[test]
+fn a_gap_before_the_encoder_is_found_and_predicted() {
+    let omega = TAU * 150.0;
+    for gap in [0.03, 0.06] {
+        let join = |ahead: f64, rate: f64| {
+            let beyond = ahead - ahead.clamp(-0.5 * gap, 0.5 * gap);
+            let pushed = REDUCED * omega * (omega * beyond.abs() + rate * beyond.signum());
+            if beyond == 0.0 {
+                0.0
+            } else {
+                pushed.max(0.0).copysign(beyond)
+            }
+        };
+        let json = diagnosed_from(&measured_on_the_load(join));
+        let finding = only_finding(&json, "backlash", 0.7);
+        let matched = 2.0 * gap * MOTOR / (MOTOR + LOAD);
+        let off = value(finding, "matched_gap") / matched - 1.0;
+        assert!(off.abs() < 0.1, "{finding}");
+        assert!(value(finding, "motor_friction") > 0.9, "{finding}");
+    }
+}

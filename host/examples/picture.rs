@@ -11,6 +11,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use bristle::diagnose::diagnose;
+use bristle::effects;
 use bristle::identify::{Options, identify};
 use bristle::model::Model;
 use bristle::recording::Recording;
@@ -44,7 +45,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let cloud = |what: &str, colour, model: &Model, error: f64| {
         let scale = 1e3 * system::torque_scale(&bench.problem, model);
         let residual = system::residual(&bench.problem, model);
-        let velocity = bench.problem.velocity();
+        let velocity = bench.problem.velocity(&effects::Path::default());
         let step = residual.len().div_ceil(DOTS);
         Cloud {
             name: format!("{what}: held-out error {:.1} %", 100.0 * error),

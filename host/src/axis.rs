@@ -4,11 +4,13 @@ use std::cmp::Ordering;
 
 use bristle_core::friction::{CoulombViscous, Dynamic, Friction};
 
-use crate::effects::{Coupling, Effect, Inner, Moment, Path, Point, Seat};
+use crate::effects::{Coupling, Effect, Inner, Moment, Path, Point, Seat, Swing};
 use crate::error::{Error, Result};
 use crate::model::{Bristles, Model, Parameter, Term};
 use crate::motion::Motion;
+use crate::slack::{Forces, Slack};
 use crate::system;
+use crate::weak::Track;
 
 /// Position and velocity.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -35,11 +37,11 @@ pub struct Axis {
     pub gain: f64,
     /// What velocity takes off `u`, per rad/s or m/s.
     pub back_emf: f64,
-    /// The way of the input to the axis.
+    /// The way of the input to the axis; a spring or a gap on it is the coupling, too.
     pub path: Path,
     /// `F`.
     pub contact: Contact,
-    /// Part of the inertia that hangs behind the measured side, if any does.
+    /// Part of the inertia that hangs behind the driven side, if any does.
     pub coupling: Option<Coupling>,
     /// The effect that hangs it there, with its inner parameters.
     hanging: Option<(&'static dyn Effect, Inner)>,
@@ -133,9 +135,14 @@ impl Contact {
 
     /// Everything that resists steady sliding in direction `s`, in N·m or N, while nothing drives, at the first instant.
     pub fn steady(&self, state: State, s: f64) -> f64 {
+        self.resisting(Moment::default(), state, s)
+    }
+
+    /// The same under an input, at some moment.
+    fn resisting(&self, moment: Moment, state: State, s: f64) -> f64 {
         let v = state.v;
         let bristles = |law: &Bristles| s * law.level(v) + law.viscosity() * v;
-        self.resistance(Moment::default(), state, s) + self.bristles.as_ref().map_or(0.0, bristles)
+        self.resistance(moment, state, s) + self.bristles.as_ref().map_or(0.0, bristles)
     }
 
     /// Everything that resists motion at `q`, `v` while sliding in direction `s`, in N·m or N, but for bristles; under
@@ -200,7 +207,10 @@ fn hanging(model: &Model) -> Option<(&'static dyn Effect, Inner)> {
 /// What hangs behind the measured side, which a load without inertia does not; refuses two loads, and one that is all of the
 /// inertia.
 fn coupling(model: &Model, inertia: f64) -> Result<Option<Coupling>> {
-    let of = |t: &Term| Some((t.effect.id(), t.effect.coupling(&system::values(t))?));
+    let of = |t: &Term| {
+        let coupling = t.effect.coupling(&system::values(t), inertia)?;
+        Some((t.effect.id(), coupling))
+    };
     let mut all = model.terms.iter().filter_map(of);
     let (first, second) = (all.next(), all.next());
     if let (Some((one, _)), Some((other, _))) = (first, second) {
@@ -271,9 +281,54 @@ impl Axis {
         })
     }
 
-    /// Where the load behind the measured side stands at every node while it moves at velocity `v`, and how fast it moves,
-    /// both relative to that side; empty without a load.
-    pub fn carried(&self, v: &[f64], period: f64) -> Vec<[f64; 2]> {
+    /// Where the load stands at every node of a track, and how fast it moves, both relative to the driven side; empty without
+    /// a load.
+    pub fn carried(&self, track: &Track) -> Vec<[f64; 2]> {
+        match self.coupling {
+            Some(coupling) if coupling.load_side => self.pulled(track, coupling),
+            _ => self.drawn_along(&track.v, track.period),
+        }
+    }
+
+    /// The same of a load that is measured: it is pulled by a spring, which what moves the axis bends, or through a gap.
+    fn pulled(&self, track: &Track, coupling: Coupling) -> Vec<[f64; 2]> {
+        if coupling.gap > 0.0 {
+            let forces = Forces {
+                gain: self.gain,
+                back_emf: self.back_emf,
+                inertia: self.inertia,
+                coulomb: self.contact.law.coulomb,
+                viscous: self.contact.law.viscous,
+            };
+            return Slack::new(track, &forces, &self.path).load;
+        }
+        let input = self.driven_by(track);
+        let swung = self.path.swung(&input, track.period).1;
+        let (omega, driven) = (self.path.resonance, self.inertia - coupling.inertia);
+        let behind =
+            |swing: Swing| [-swing.a, -swing.b * omega].map(|x| x / (driven * omega.powi(2)));
+        let first = Swing::at_ease(input.first().copied().unwrap_or_default());
+        [first].into_iter().chain(swung).map(behind).collect()
+    }
+
+    /// Torque or force that moves the axis in every cell of a track, friction taken off; none while it rests.
+    fn driven_by(&self, track: &Track) -> Vec<f64> {
+        let input = track.input(&self.path);
+        let cells = track.cells.iter().zip(&track.sliding).zip(input);
+        let net = |((cell, sliding), u): ((&Point, &f64), f64)| {
+            let State { q, v } = self.truth(State {
+                q: cell.q,
+                v: cell.v,
+            });
+            let moment = Moment { u, ..cell.moment };
+            let friction = self.contact.resisting(moment, State { q, v }, cell.s);
+            sliding * (self.gain * (u - self.back_emf * v) - friction)
+        };
+        cells.map(net).collect()
+    }
+
+    /// The same of a load behind the measured side, which moves at velocity `v`; empty if there is none.
+    fn drawn_along(&self, v: &[f64], period: f64) -> Vec<[f64; 2]> {
         let Some((effect, inner)) = self.hanging else {
             return Vec::new();
         };

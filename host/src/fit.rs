@@ -81,7 +81,7 @@ impl Along {
                 .collect()
         });
         Self {
-            load: axis.carried(&track.v, track.period),
+            load: axis.carried(track),
             bend,
         }
     }

@@ -52,6 +52,7 @@ pub mod scan;
 pub mod servo;
 pub mod showcase;
 pub mod simulate;
+pub mod slack;
 pub mod spectrum;
 pub mod step;
 pub mod stream;

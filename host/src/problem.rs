@@ -8,6 +8,7 @@ use crate::model::Model;
 use crate::motion::Motion;
 use crate::phasor;
 use crate::recording::Recording;
+use crate::slack::{Forces, Slack};
 use crate::weak::{Balance, Bent, Part, Track, Windows};
 
 /// One row: a window of one track.
@@ -61,15 +62,14 @@ impl Direction {
 }
 
 /// What the columns of an effect are cached by.
-fn key(
-    effect: &'static dyn Effect,
-    inner: Inner,
-    direction: &Direction,
-    path: Option<&Path>,
-) -> Key {
+fn key(effect: &'static dyn Effect, inner: Inner, direction: &Direction, path: &Path) -> Key {
     let mut key = inner.map(f64::to_bits).to_vec();
     key.extend(direction.bristled);
-    key.extend(path.into_iter().flat_map(Path::bits));
+    key.extend(if effect.driven() {
+        path.bits()
+    } else {
+        path.spring().bits()
+    });
     (effect.id(), key)
 }
 
@@ -167,7 +167,7 @@ impl Problem {
     /// `∫u φ` of what a path makes of the input.
     pub fn input(&self, path: &Path) -> Column {
         self.cached(("input", path.bits().to_vec()), || {
-            vec![self.stack(|t, w| w.hold(t, &t.input(path)))]
+            vec![self.stack(|t, w| w.hold_through(t, &t.input(path), path))]
         })
         .remove(0)
     }
@@ -191,18 +191,45 @@ impl Problem {
         direction
     }
 
-    /// `∫s φ`, `s` being the direction in which friction acts: `sgn v` without bristles.
-    pub fn coulomb(&self, direction: &Direction) -> Column {
-        self.cached(("coulomb", direction.bristled.to_vec()), || {
-            self.signals(direction, None, 1, |at, out| out[0] = at.s)
+    /// `∫s φ`, `s` being the direction in which friction acts: `sgn v` without bristles. As all torques, it passes the
+    /// spring of the path, if there is one.
+    pub fn coulomb(&self, direction: &Direction, path: &Path) -> Column {
+        let mut key = direction.bristled.to_vec();
+        key.extend(path.spring().bits());
+        self.cached(("coulomb", key), || {
+            self.signals(direction, (path, false), 1, |at, out| out[0] = at.s)
         })
         .remove(0)
     }
 
-    /// `−∫q φ̇`.
-    pub fn velocity(&self) -> Column {
-        self.cached(("velocity", Vec::new()), || {
-            vec![self.stack(|t, w| w.velocity(&t.q))]
+    /// `−∫q φ̇`, or `∫v φ` of what the spring of the path passes, if there is one.
+    pub fn velocity(&self, path: &Path) -> Column {
+        let key = path.spring().bits().to_vec();
+        self.cached(("velocity", key), || {
+            let swung = |t: &Track, w: &Windows| {
+                let steps = t.q.windows(2).map(|pair| pair[1] - pair[0]);
+                let speeds: Vec<f64> = steps.map(|step| step / t.period).collect();
+                w.hold_through(t, &speeds, path)
+            };
+            vec![if path.swings() {
+                self.stack(swung)
+            } else {
+                self.stack(|t, w| w.velocity(&t.q))
+            }]
+        })
+        .remove(0)
+    }
+
+    /// `∫y φ`, `y` being what the gap on a path keeps from the load.
+    pub fn slack(&self, path: &Path, forces: &Forces) -> Column {
+        let mut key = path.bits().to_vec();
+        key.extend(forces.bits());
+        self.cached(("slack", key), || {
+            let missing = |track: &Track, windows: &Windows| {
+                let missing = Slack::new(track, forces, path).missing;
+                windows.apply(windows.hold_weights(), &missing)
+            };
+            vec![self.stack(missing)]
         })
         .remove(0)
     }
@@ -219,10 +246,9 @@ impl Problem {
         if effect.width() == 0 {
             return Vec::new();
         }
-        let path = effect.driven().then_some(path);
         self.cached(key(effect, inner, direction, path), || {
             let basis = |at: Point, out: &mut [f64]| effect.basis(inner, at, out);
-            self.signals(direction, path, effect.width(), basis)
+            self.signals(direction, (path, effect.driven()), effect.width(), basis)
         })
     }
 
@@ -234,7 +260,6 @@ impl Problem {
         direction: &Direction,
         path: &Path,
     ) {
-        let path = effect.driven().then_some(path);
         let key = |inner: Inner| key(effect, inner, direction, path);
         let known = |inner: Inner| hold(&self.cache).contains_key(&key(inner));
         let waves = inners.iter().filter(|inner| !known(**inner));
@@ -244,13 +269,13 @@ impl Problem {
         let numbers: Vec<f64> = waves.iter().map(|wave| wave.number).collect();
         let mut columns = vec![[Vec::new(), Vec::new()]; numbers.len()];
         for (index, (track, windows)) in self.tracks.iter().zip(&self.windows).enumerate() {
-            let cells = self.points(index, direction, path);
+            let cells = self.points(index, direction, (path, effect.driven()));
             let (x, carrier): (Vec<f64>, Vec<f64>) = cells
                 .map(|at| ((first.coordinate)(&at), (first.carrier)(&at)))
                 .unzip();
             let carried = |wave: &[f64]| {
                 let cells: Vec<f64> = wave.iter().zip(&carrier).map(|(w, c)| c * w).collect();
-                windows.hold(track, &cells)
+                windows.hold_through(track, &cells, path)
             };
             let pairs = phasor::each(&numbers, &x, |sin, cos| [carried(sin), carried(cos)]);
             for (columns, pair) in columns.iter_mut().zip(pairs) {
@@ -262,27 +287,31 @@ impl Problem {
         }
     }
 
-    /// The cells of a track as effects see them, under the input that a path passes if there is one.
+    /// The cells of a track as effects see them, under the input that a path passes if they are driven.
     fn points(
         &self,
         index: usize,
         direction: &Direction,
-        path: Option<&Path>,
+        (path, driven): (&Path, bool),
     ) -> impl Iterator<Item = Point> {
         let track = &self.tracks[index];
-        let input = path.map_or(Vec::new(), |path| track.input(path));
+        let input = if driven {
+            track.input(path)
+        } else {
+            Vec::new()
+        };
         track.cells.iter().enumerate().map(move |(k, &cell)| {
             let at = input.get(k).map_or(cell, |&u| track.driven(k, u));
             direction.point(index, k, at)
         })
     }
 
-    /// Functionals of so many signals of the cells as effects see them, under the input that a path passes if there is
-    /// one.
+    /// Functionals of so many signals of the cells as effects see them, under the input that a path passes if they are
+    /// driven, behind the spring of the path.
     fn signals(
         &self,
         direction: &Direction,
-        path: Option<&Path>,
+        way: (&Path, bool),
         width: usize,
         basis: impl Fn(Point, &mut [f64]),
     ) -> Vec<Vec<f64>> {
@@ -290,12 +319,12 @@ impl Problem {
         let mut out = vec![0.0; width];
         for (index, (track, windows)) in self.tracks.iter().zip(&self.windows).enumerate() {
             let mut signals = vec![Vec::with_capacity(track.cells.len()); width];
-            for at in self.points(index, direction, path) {
+            for at in self.points(index, direction, way) {
                 basis(at, &mut out);
                 signals.iter_mut().zip(&out).for_each(|(s, b)| s.push(*b));
             }
             for (column, signal) in columns.iter_mut().zip(&signals) {
-                column.extend(windows.hold(track, signal));
+                column.extend(windows.hold_through(track, signal, way.0));
             }
         }
         columns

@@ -82,7 +82,7 @@ impl Hold {
 pub struct Start {
     /// What an encoder sees.
     pub state: State,
-    /// Position and velocity of a load relative to the measured side; at ease where nothing is known of it.
+    /// Position and velocity of a load relative to the driven side; at ease where nothing is known of it.
     pub load: Option<[f64; 2]>,
     /// Deflection of the bristles, rad or m; at ease where nothing is known of it.
     pub bend: Option<f64>,
@@ -125,7 +125,7 @@ fn run<const N: usize>(
     Some(states)
 }
 
-/// Runs an axis, with the load behind its measured side if it has one, from sample `first` to sample `last`; one state for
+/// Runs an axis, with the load behind its driven side if it has one, from sample `first` to sample `last`; one state for
 /// each sample, that of the start included.
 pub fn run_axis(
     axis: &Axis,
@@ -155,7 +155,7 @@ pub fn run_axis_while(
     let loaded = Loaded::new(axis, coupling);
     let Memory { mut x, z } = Memory::at_ease(&loaded, start.state);
     if let Some(load) = start.load {
-        [x[2], x[3]] = load;
+        x = loaded.carrying(start.state, load);
     }
     let memory = Memory { x, z: bent(z) };
     run(&loaded, recording, samples, start.state, memory, may)

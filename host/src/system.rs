@@ -16,6 +16,7 @@ use crate::linear::{FOLDS, Products, Score};
 use crate::model::{Causality, Model, Parameter, Term};
 use crate::noise::Noise;
 use crate::problem::{Column, Direction, Problem, Response};
+use crate::slack::Forces;
 use crate::weak::{Part, Track};
 
 /// What a coefficient of the linear problem stands for.
@@ -131,11 +132,11 @@ impl System {
     pub fn new(problem: &Problem, model: &Model) -> Result<Self> {
         check_scale(model)?;
         let known_value = |p: &Parameter| if p.known { p.value } else { None };
-        let direction = problem.direction(model);
+        let (direction, path) = (problem.direction(model), path(model));
         let mut sides = Sides {
             inertia: known_value(model.parameters()[model.moving_inertia()]),
             gain: known_value(&model.gain),
-            input: effective_input(problem, model, &path(model)),
+            input: effective_input(problem, model, &path),
             acceleration: problem.acceleration.to_vec(),
             known: vec![0.0; problem.rows.len()],
             unknown: Vec::new(),
@@ -144,9 +145,9 @@ impl System {
             (
                 &model.coulomb,
                 Unknown::Coulomb,
-                problem.coulomb(&direction),
+                problem.coulomb(&direction, &path),
             ),
-            (&model.viscous, Unknown::Viscous, problem.velocity()),
+            (&model.viscous, Unknown::Viscous, problem.velocity(&path)),
         ] {
             match known_value(parameter) {
                 Some(value) => add(&mut sides.known, value, &column),
@@ -452,20 +453,50 @@ fn check_scale(model: &Model) -> Result<()> {
 }
 
 /// The input less what velocity takes off it: `lag[u] − ke·(v − τ·v̇)` behind a winding of the time constant `τ`, whose lag
-/// the back-EMF passes, too, here to the first order.
+/// the back-EMF passes, too, here to the first order; behind a gap, what reaches the load.
 fn effective_input(problem: &Problem, model: &Model, path: &Path) -> Column {
     let input = problem.input(path);
     let back_emf = model.back_emf();
-    if back_emf == 0.0 {
+    if back_emf == 0.0 && path.gap == 0.0 {
         return input;
     }
     let mut effective = input.to_vec();
-    add(&mut effective, -back_emf, &problem.velocity());
+    if let Some(missing) = kept_back(problem, model, path) {
+        add(&mut effective, -1.0, &missing);
+    }
+    if back_emf == 0.0 {
+        return Arc::new(effective);
+    }
+    add(&mut effective, -back_emf, &problem.velocity(path));
     let winding = model.winding_lag();
     if winding > 0.0 {
         add(&mut effective, back_emf * winding, &problem.acceleration);
     }
     Arc::new(effective)
+}
+
+/// Input that the gap on a path keeps from the load; `None` without a gap, and where a start does not say yet how the axis
+/// moves.
+fn kept_back(problem: &Problem, model: &Model, path: &Path) -> Option<Vec<f64>> {
+    let value = |p: &Parameter| p.value.unwrap_or_default();
+    let forces = Forces {
+        gain: value(&model.gain),
+        back_emf: model.back_emf(),
+        inertia: value(model.parameters()[model.moving_inertia()]),
+        coulomb: value(&model.coulomb),
+        viscous: value(&model.viscous),
+    };
+    let moves = path.gap > 0.0 && forces.gain != 0.0 && forces.inertia > 0.0;
+    moves.then(|| scaled(&problem.slack(path, &forces), 1.0 / forces.gain))
+}
+
+/// RMS of what a gap keeps from the load over that of the input; `None` without a gap.
+pub fn lost(problem: &Problem, model: &Model) -> Option<f64> {
+    let path = path(model);
+    let energy = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>();
+    let missing = kept_back(problem, model, &path)?;
+    let input = energy(&problem.input(&path)).max(f64::MIN_POSITIVE);
+    Some((energy(&missing) / input).sqrt())
 }
 
 /// What the residuals of a model are multiplied by where they are compared with those of others: RMS of the input as
@@ -501,9 +532,13 @@ pub fn residual(problem: &Problem, model: &Model) -> Vec<f64> {
     add(
         &mut torque,
         -value(&model.coulomb),
-        &problem.coulomb(&direction),
+        &problem.coulomb(&direction, &path),
     );
-    add(&mut torque, -value(&model.viscous), &problem.velocity());
+    add(
+        &mut torque,
+        -value(&model.viscous),
+        &problem.velocity(&path),
+    );
     for term in &model.terms {
         let (inner, coefficients) = term.effect.linear(&values(term), model.scale());
         if term.effect.seat() == Seat::Sensor {

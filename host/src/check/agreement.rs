@@ -61,8 +61,8 @@ impl<'a> Rows<'a> {
         let problem = &bench.problem;
         let whiten = |column: &[f64]| bench.noise.whiten(column);
         let mut resisting = vec![
-            whiten(&problem.coulomb(&Direction::default())),
-            whiten(&problem.velocity()),
+            whiten(&problem.coulomb(&Direction::default(), &Path::default())),
+            whiten(&problem.velocity(&Path::default())),
         ];
         let groups = bench.dictionary.groups(problem).into_iter();
         let position = groups.filter(|group| group.coordinate == "position");

@@ -109,6 +109,16 @@ fn page(effect: &dyn Effect) -> String {
         "\n{bold}Parameters{bold:#} (in the model file under [effects.{}])",
         effect.id()
     );
+    parameters(effect, &mut text);
+    if let Some(form) = effect.load_side() {
+        let _ = writeln!(text, "or, with the encoder on the load:");
+        parameters(form, &mut text);
+    }
+    text
+}
+
+/// A line for each parameter.
+fn parameters(effect: &dyn Effect, text: &mut String) {
     for spec in effect.parameters() {
         let (rotary, linear) = (
             spec.quantity.unit(crate::motion::Motion::Rotary),
@@ -121,5 +131,4 @@ fn page(effect: &dyn Effect) -> String {
         };
         let _ = writeln!(text, "{}, {unit}", spec.name);
     }
-    text
 }

@@ -61,9 +61,17 @@ fn describe(effect: &dyn Effect, page: &mut String) {
             None => writeln!(page, "{line}"),
         };
     }
+    parameters(effect, "", page);
+    if let Some(form) = effect.load_side() {
+        parameters(form, ", with the encoder on the load", page);
+    }
+}
+
+/// The table of an effect's parameters.
+fn parameters(effect: &dyn Effect, when: &str, page: &mut String) {
     let _ = writeln!(
         page,
-        "\n| parameter, under `[effects.{}]` | unit, rotary | unit, linear |\n| --- | --- | --- |",
+        "\n| parameter, under `[effects.{}]`{when} | unit, rotary | unit, linear |\n| --- | --- | --- |",
         effect.id()
     );
     for spec in effect.parameters() {

@@ -120,7 +120,7 @@ impl Command {
 
     fn runner(&self, model: &Model) -> Result<Runner> {
         let runner = match model.unfittable() {
-            None => Axis::new(model).map(Runner::Axis),
+            None => Axis::new(model).map(|axis| Runner::Axis(axis.into())),
             Some((_, what)) if model.causality == Causality::Inverse => Err(Error::Usage(format!(
                 "{what}; under causality = \"inverse\" it cannot be simulated either"
             ))),
@@ -139,7 +139,7 @@ impl Command {
 
 /// What runs along a recording.
 enum Runner {
-    Axis(Axis),
+    Axis(Box<Axis>),
     Plant(Box<dyn Plant>),
 }
 

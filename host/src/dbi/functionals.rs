@@ -126,7 +126,7 @@ fn axis(bench: &Workbench, model: &Model) -> Vec<Raw> {
     } else {
         ("direction", "∫s φ")
     };
-    let direction = problem.coulomb(&problem.direction(model));
+    let direction = problem.coulomb(&problem.direction(model), &system::path(model));
     let input = problem.input(&system::path(model));
     let named = |name: &str| name.to_owned();
     vec![
@@ -143,7 +143,7 @@ fn axis(bench: &Workbench, model: &Model) -> Vec<Raw> {
             "−∫q φ̇",
             speed,
             value(&model.viscous),
-            problem.velocity(),
+            problem.velocity(&system::path(model)),
         ),
         (named(sign), coulomb, "1", value(&model.coulomb), direction),
     ]

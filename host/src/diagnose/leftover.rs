@@ -68,7 +68,9 @@ pub(super) fn of(bench: &Workbench, model: &Model) -> Result<Leftover> {
         })
         .collect();
     groups.push(("time, periodically", base.spectral_line()));
-    let friction = bench.problem.coulomb(&Direction::default());
+    let friction = bench
+        .problem
+        .coulomb(&Direction::default(), &Path::default());
     let residual = system::residual(&bench.problem, model);
     let load = vec![1.0; friction.len()];
     let carriers = [

@@ -49,8 +49,8 @@ struct Place {
 /// Locates the excess of squared whitened residuals `before` over `after`, both one for each row.
 pub(super) fn locate(bench: &Workbench, model: &Model, before: &[f64], after: &[f64]) -> Where {
     let problem = &bench.problem;
-    let velocity = problem.velocity();
-    let sign = problem.coulomb(&Direction::default());
+    let velocity = problem.velocity(&Path::default());
+    let sign = problem.coulomb(&Direction::default(), &Path::default());
     let input = problem.input(&Path::default());
     let places: Vec<Place> = (0..problem.rows.len())
         .map(|k| {

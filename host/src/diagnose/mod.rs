@@ -22,11 +22,13 @@ pub use outcome::{
 use crate::check::{self, Severity, Warning};
 use crate::effects::{Effect, Impostor};
 use crate::error::Result;
+use crate::fit;
 use crate::format;
 use crate::identify::{Identified, Workbench};
 use crate::model::{Model, Term};
 use crate::recording::Recording;
 use crate::system;
+use crate::weak::Part;
 use confirm::confirmed;
 use findings::findings;
 use leftover::Leftover;
@@ -179,17 +181,41 @@ struct Found {
     settled: Model,
 }
 
-/// The search, repeated without the effect that its own errors refute most as long as there is one.
+/// What is found, with the encoder on the load only if that predicts better than all that is found without: in the weak form a
+/// resonance or a gap before the encoder can stand in for other physics at reversals, which free runs tell apart.
 fn found(
     bench: &Workbench,
     before: &Model,
     recordings: &[Recording],
     progress: &dyn Fn(&str),
 ) -> Result<Found> {
+    let found = search(bench, before, recordings, true, progress)?;
+    let mut added = found.settled.terms[before.terms.len()..].iter();
+    if !added.any(|t| t.effect.on_load_side()) {
+        return Ok(found);
+    }
+    let without = search(bench, before, recordings, false, progress)?;
+    let tracks = &bench.problem.tracks;
+    let error = |found: &Found| fit::part(Part::HeldOut, &found.settled, recordings, tracks);
+    let predicts = error(&found)?.nrmse < sharpen::LOAD_LEAVES * error(&without)?.nrmse;
+    Ok(if predicts { found } else { without })
+}
+
+/// The search, repeated without the effect that its own errors refute most as long as there is one; with the encoder on the
+/// load or not.
+fn search(
+    bench: &Workbench,
+    before: &Model,
+    recordings: &[Recording],
+    load_side: bool,
+    progress: &dyn Fn(&str),
+) -> Result<Found> {
     let nothing = (Vec::new(), before.clone());
     let mut refuted: Vec<&str> = Vec::new();
     loop {
-        let sought = |effect: &dyn Effect| !refuted.contains(&effect.id());
+        let sought = |effect: &dyn Effect| {
+            !refuted.contains(&effect.id()) && (load_side || !effect.on_load_side())
+        };
         let scope = Scope {
             sought: &sought,
             ..Scope::usual(bench)
@@ -204,8 +230,11 @@ fn found(
         }
         let added = settled.terms[before.terms.len()..].iter();
         let (nuisances, named): (Vec<_>, Vec<_>) = added.partition(|t| t.effect.nuisance());
+        let lost = system::lost(&bench.problem, &settled).filter(|lost| trial::negligible(*lost));
+        let gap = lost.and_then(|_| named.iter().find(|t| t.effect.divides()).copied());
         let doubts = named.iter().filter_map(|t| Some((told::doubt(t)?, *t)));
-        let Some((_, doubtful)) = doubts.min_by(|a, b| a.0.total_cmp(&b.0)) else {
+        let doubtful = doubts.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, t)| t);
+        let Some(doubtful) = gap.or(doubtful) else {
             return Ok(Found {
                 selection,
                 fine,

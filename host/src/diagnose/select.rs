@@ -1,5 +1,7 @@
 //! Which effects are certainly left out: forward selection with re-examination.
 
+use std::collections::HashSet;
+
 use rayon::prelude::*;
 
 use super::trial::{Base, Trial};
@@ -137,10 +139,10 @@ fn passes(trial: &Trial) -> bool {
 /// Whether a model has room for an effect: it does not have it yet, such an axis can show it, and only one load can hang on
 /// an axis.
 pub(super) fn fits_in(effect: &dyn Effect, model: &Model) -> bool {
-    let loaded = model.terms.iter().any(|t| t.effect.hangs());
+    let loaded = model.terms.iter().any(|t| t.effect.divides());
     // Bristles know by themselves how friction builds up.
     let known = effect.nuisance() && model.has("presliding");
-    let room = !(known || loaded && effect.hangs());
+    let room = !(known || loaded && effect.divides());
     room && effect.unsuited(model.given()).is_none() && !model.has(effect.id())
 }
 
@@ -159,7 +161,10 @@ fn trials(
     sought: &(dyn Fn(&dyn Effect) -> bool + Sync),
 ) -> Result<Vec<Trial>> {
     let nuisance: &'static dyn Effect = &effects::CREEP;
-    let all = effects::ALL.iter().copied().chain([nuisance]);
+    let forms = |effect: &'static dyn Effect| [Some(effect), effect.load_side()];
+    let all = (effects::ALL.iter().copied().chain([nuisance]))
+        .flat_map(forms)
+        .flatten();
     let open: Vec<_> = all.filter(|e| fits_in(*e, model) && sought(*e)).collect();
     let tried: Result<Vec<Option<Trial>>> = open
         .into_par_iter()
@@ -169,6 +174,9 @@ fn trials(
         .collect();
     let mut trials: Vec<Trial> = tried?.into_iter().flatten().collect();
     trials.sort_by(|a, b| b.delta_bic.total_cmp(&a.delta_bic));
+    // Of two forms of an effect the better one.
+    let mut ids = HashSet::new();
+    trials.retain(|trial| ids.insert(trial.effect.id()));
     Ok(trials)
 }
 
@@ -288,8 +296,9 @@ fn again(
     recordings: &[Recording],
 ) -> Result<Option<Selected>> {
     let stood = selected.others.iter().chain([&selected.trial]);
-    let ids: Vec<&str> = stood.map(|trial| trial.effect.id()).collect();
-    let sought = |effect: &dyn Effect| ids.contains(&effect.id());
+    let form = |effect: &dyn Effect| (effect.id(), effect.on_load_side());
+    let forms: Vec<_> = stood.map(|trial| form(trial.effect)).collect();
+    let sought = |effect: &dyn Effect| forms.contains(&form(effect));
     let scope = if selected.fast {
         Scope {
             sought: &sought,

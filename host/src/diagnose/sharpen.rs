@@ -28,7 +28,7 @@ const LINE_EVIDENCE: f64 = 8.0;
 /// which is no line; this is 1 % of the RMS error.
 const LINE_SHARE: f64 = 0.02;
 /// What a load behind the axis must leave at most of the error of held-out free runs.
-const LOAD_LEAVES: f64 = 0.9;
+pub(super) const LOAD_LEAVES: f64 = 0.9;
 
 /// Fast effects, with the narrow windows that show them.
 pub(super) struct Fast {
@@ -127,14 +127,14 @@ impl Closer<'_> {
         let fine = &self.fine[at];
         let (survey, slowest) = (fine.problem.survey(&self.found.1), self.slowest);
         let passes = |trial: &Trial| {
-            let (share, evidence) = if trial.effect.hangs() {
+            let (share, evidence) = if trial.effect.divides() {
                 (FLOOR, LEAST_DELTA_BIC)
             } else {
                 (LINE_SHARE, LINE_EVIDENCE * LEAST_DELTA_BIC)
             };
             trial.certain && trial.reaches(share, evidence) && pace(trial, &survey) >= slowest
         };
-        let sought = |e: &dyn Effect| e.fast() && (self.sought)(e) && (loads || !e.hangs());
+        let sought = |e: &dyn Effect| e.fast() && (self.sought)(e) && (loads || !e.divides());
         let scope = Scope {
             bench: fine,
             usual: self.usual,
@@ -158,10 +158,10 @@ impl Closer<'_> {
     /// than all that is found without one: the noise that moves the axis moves a supposed load, too, and in the weak form
     /// its resonance follows the colour of that noise; a free run knows of no noise.
     fn contested(&self, at: usize, more: Selection) -> Result<Option<(Selection, usize)>> {
-        let Some(load) = more.1.terms.iter().rfind(|t| t.effect.hangs()) else {
+        let Some(load) = more.1.terms.iter().rfind(|t| t.effect.divides()) else {
             return Ok(Some((more, at)));
         };
-        if !fast_ones(&more).any(Effect::hangs) {
+        if !fast_ones(&more).any(Effect::divides) {
             return Ok(Some((more, at)));
         }
         let mut best = (self.error(&self.found.1)?, None);

@@ -82,6 +82,12 @@ pub(super) fn students_t(x: &[f64]) -> f64 {
     mean / (variance / count).sqrt().max(f64::MIN_POSITIVE)
 }
 
+/// Whether a gap keeps less of the input from the load than effects that are looked for do: it acts where the drive reverses,
+/// as do the artefacts of sampling.
+pub(super) fn negligible(lost: f64) -> bool {
+    lost < SOUGHT
+}
+
 /// What generic functions do on top of a model.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Generic {
@@ -122,6 +128,9 @@ impl<'a> Base<'a> {
         let Some(found) = self.ground.best(term)? else {
             return Ok(None);
         };
+        if self.ground.lost(term, found.inner).is_some_and(negligible) {
+            return Ok(None);
+        }
         let parameters = effect.parameters().len() as f64;
         let price = parameters * self.rows().ln() + 2.0 * (found.tried as f64).ln();
         let before = &self.ground.score;

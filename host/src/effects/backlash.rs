@@ -3,6 +3,11 @@
 //! by itself; at its ends it is caught without a rebound. The model's inertia is that of both together, and its friction
 //! sits at the measured side.
 //!
+//! Where the encoder sits on the load, the load goes on by itself while the motor crosses the gap, and the drive reaches it with
+//! a blow. A recording then shows hardly more of inertia and gap than their product, so that the parameters are `matched_gap`,
+//! the gap if both sides weigh alike (the gap times twice the motor's share of the inertia), and `motor_friction`, the share of
+//! the friction that is the motor's. `diagnose` tries both, and a model file may have either.
+//!
 //! # What it looks like in a recording
 //! Where the axis slows down or reverses it is, for a moment, lighter than before, until the load is caught with a jerk.
 //!
@@ -18,11 +23,12 @@
 //! # References
 //! M. Nordin, P.-O. Gutman, Controlling mechanical systems with backlash: a survey, Automatica 38(10), 2002, sec. 2.
 
+use super::backlash_load_side::BacklashLoadSide;
 use super::{Confusion, Coupling, Effect, Given, Inner, Motion, Quantity, Scale, Seat, Spec, Survey, geometric, undriven};
 use crate::format::quantity;
 
 /// Natural frequency of the contact at the ends of the gap in simulation, rad/s: a catch within about a millisecond.
-const CONTACT: f64 = 2000.0;
+pub(super) const CONTACT: f64 = 2000.0;
 
 pub(super) struct Backlash;
 
@@ -69,6 +75,9 @@ impl Effect for Backlash {
             quantity(p[1], Quantity::Position.unit(motion))
         )
     }
+    fn load_side(&self) -> Option<&'static dyn Effect> {
+        Some(&BacklashLoadSide)
+    }
     fn unsuited(&self, axis: Given) -> Option<&'static str> {
         undriven(axis)
     }
@@ -114,12 +123,13 @@ impl Effect for Backlash {
     fn admissible(&self, c: &[f64]) -> bool {
         c[0] > 0.0
     }
-    fn coupling(&self, p: &[f64]) -> Option<Coupling> {
+    fn coupling(&self, p: &[f64], _inertia: f64) -> Option<Coupling> {
         Some(Coupling {
             inertia: p[0],
             stiffness: p[0] * CONTACT * CONTACT,
             damping: 2.0 * p[0] * CONTACT,
             gap: p[1],
+            load_side: false,
         })
     }
 }

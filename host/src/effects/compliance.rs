@@ -4,6 +4,10 @@
 //! `H = (2ζωs + ω²)/(s² + 2ζωs + ω²)`, `ω = 2π·antiresonance`, ζ the damping ratio. The model's inertia is that of both
 //! together; with `J` and the measured side free, both swing at `antiresonance·√(J/(J − load_inertia))`.
 //!
+//! Where the encoder sits on the load, what moves the axis arrives through the spring instead, and neither the load nor the
+//! antiresonance shows: then it is `J·q̈ = G·(u − F)` with `G = (2ζωs + ω²)/(s² + 2ζωs + ω²)`, `ω = 2π·resonance`, and the parameters
+//! are `resonance` and `damping_ratio`. `diagnose` tries both, and a model file may have either.
+//!
 //! # What it looks like in a recording
 //! After steps of the drive the axis rings; slow motion is as ever. The residual has the shape of the fourth derivative of
 //! position and grows towards the resonance.
@@ -22,6 +26,7 @@
 //! G. Ellis, R. D. Lorenz, Resonant load control methods for industrial servo drives, IAS 2000, eq. 1 (motor and load,
 //! resonance and antiresonance).
 
+use super::compliance_load_side::ComplianceLoadSide;
 use super::{Confusion, Coupling, Effect, Given, Inner, Motion, Quantity, Scale, Seat, Spec, Survey, geometric, undriven};
 use crate::format::quantity;
 
@@ -69,6 +74,9 @@ impl Effect for Compliance {
             quantity(p[0], Quantity::Inertia.unit(motion)),
             quantity(p[1], "Hz")
         )
+    }
+    fn load_side(&self) -> Option<&'static dyn Effect> {
+        Some(&ComplianceLoadSide)
     }
     fn unsuited(&self, axis: Given) -> Option<&'static str> {
         undriven(axis)
@@ -121,13 +129,14 @@ impl Effect for Compliance {
     fn admissible(&self, c: &[f64]) -> bool {
         c[0] > 0.0
     }
-    fn coupling(&self, p: &[f64]) -> Option<Coupling> {
+    fn coupling(&self, p: &[f64], _inertia: f64) -> Option<Coupling> {
         let omega = std::f64::consts::TAU * p[1];
         Some(Coupling {
             inertia: p[0],
             stiffness: p[0] * omega * omega,
             damping: 2.0 * p[2] * omega * p[0],
             gap: 0.0,
+            load_side: false,
         })
     }
 }

@@ -8,6 +8,8 @@
 //! `τ = Σⱼ cⱼ·bⱼ(inner; t, q, v, s, u)`. Others sit elsewhere in the equation of motion: see [`Seat`]. Inner parameters (a
 //! Stribeck velocity, a delay, the instants of a load step, …) are scanned: see [`Search`].
 
+mod backlash_load_side;
+mod compliance_load_side;
 mod creep;
 mod path;
 mod point;
@@ -17,7 +19,7 @@ mod swing;
 mod wave;
 
 pub use creep::CREEP;
-pub use path::Path;
+pub use path::{Path, Swing};
 pub use point::{Given, Moment, Point, Scale, Survey};
 pub use quantity::{Quantity, Spec};
 pub use wave::Wave;
@@ -52,7 +54,7 @@ pub enum Search {
     Line,
 }
 
-/// What joins a load to the measured side: a spring and a damper, beyond a gap if there is one.
+/// What joins a load to the driven side: a spring and a damper, beyond a gap if there is one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coupling {
     /// Inertia of the load, kg·m² or kg.
@@ -63,6 +65,8 @@ pub struct Coupling {
     pub damping: f64,
     /// Displacement in all within which nothing joins them, rad or m.
     pub gap: f64,
+    /// Whether the encoder measures the load, and not the driven side.
+    pub load_side: bool,
 }
 
 impl Coupling {
@@ -121,6 +125,10 @@ pub trait Effect: Sync {
     /// One sentence that a person can act on, from the estimated parameters.
     fn sentence(&self, parameters: &[f64], motion: Motion) -> String;
 
+    /// The same physics as an encoder on the load shows it, where that takes other parameters: it has the same id.
+    fn load_side(&self) -> Option<&'static dyn Effect> {
+        None
+    }
     /// What is taken for it and is no effect of the catalogue, if there is such physics.
     fn impostor(&self) -> Option<Impostor> {
         None
@@ -136,6 +144,14 @@ pub trait Effect: Sync {
     /// Whether it is a load behind the measured side.
     fn hangs(&self) -> bool {
         self.seat() == Seat::Load
+    }
+    /// Whether the inertia is in two parts with it, of which one swings or rattles: there can be one such effect.
+    fn divides(&self) -> bool {
+        self.hangs()
+    }
+    /// Whether it is the form of an effect that an encoder on the load shows.
+    fn on_load_side(&self) -> bool {
+        self.divides() && !self.hangs()
     }
     /// Whether it is no effect of the catalogue but what such effects must not be taken for: it is sought beside them and
     /// neither named nor simulated.
@@ -171,6 +187,10 @@ pub trait Effect: Sync {
     fn shape(&self) -> Option<(usize, f64)> {
         None
     }
+    /// Values of the second inner parameter to try with each value of the scanned one.
+    fn shapes(&self) -> Vec<f64> {
+        vec![self.shape().map_or(0.0, |(_, start)| start)]
+    }
     /// Values of the scanned parameter to try, ascending; neighbours bracket an optimum.
     fn grid(&self, _survey: &Survey) -> Vec<f64> {
         vec![0.0]
@@ -196,8 +216,8 @@ pub trait Effect: Sync {
     fn load(&self, _inner: Inner, _q: &[f64], _v: &[f64], _period: f64) -> Vec<f64> {
         Vec::new()
     }
-    /// What the load hangs on, for simulation.
-    fn coupling(&self, _parameters: &[f64]) -> Option<Coupling> {
+    /// What the load hangs on, for simulation, if the inertia of all is so large.
+    fn coupling(&self, _parameters: &[f64], _inertia: f64) -> Option<Coupling> {
         None
     }
     /// Named parameters from the linear solution. As it stands, for an effect that is its inner parameter alone.

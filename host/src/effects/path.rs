@@ -1,8 +1,9 @@
 //! The way of the input to the axis: what an amplifier makes of the recorded `u`.
 
 /// Static limits first, then what shifts and smooths in time: `w = limit(dead_zone(u))`, delayed, through a first-order
-/// lag. Delay and lag commute with each other, and a delay with anything. Lags in series, those of a winding and of what
-/// drives it, act as one of their sum, which is right to the first order in their time constants.
+/// lag, and through a spring that swings. Delay, lag and spring commute with each other, and a delay with anything. Lags in
+/// series, those of a winding and of what drives it, act as one of their sum, which is right to the first order in their time
+/// constants.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Path {
     /// Inputs up to this size do nothing; larger ones act less by as much.
@@ -13,6 +14,31 @@ pub struct Path {
     pub delay: f64,
     /// Time constant, s.
     pub lag: f64,
+    /// Angular frequency at which a spring on the way swings, rad/s; infinite where there is none.
+    pub resonance: f64,
+    /// Its damping ratio.
+    pub damping: f64,
+    /// Gap between the drive and the measured side, rad or m; zero where there is none.
+    pub gap: f64,
+    /// Share of the friction that acts before the gap.
+    pub before_gap: f64,
+}
+
+/// Where a spring on the way of the input stands: `a` follows the input `w`, with `ȧ = ω·b` and `ḃ = ω·(w − a) − 2ζω·b`. The
+/// spring passes `a + 2ζ·b`, which is `(2ζω·s + ω²)/(s² + 2ζω·s + ω²)` of `w`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Swing {
+    /// What follows the input.
+    pub a: f64,
+    /// Its rate over `ω`.
+    pub b: f64,
+}
+
+impl Swing {
+    /// At ease under an input that has long stood at `w`.
+    pub fn at_ease(w: f64) -> Self {
+        Self { a: w, b: 0.0 }
+    }
 }
 
 impl Default for Path {
@@ -23,6 +49,10 @@ impl Default for Path {
             limit: f64::INFINITY,
             delay: 0.0,
             lag: 0.0,
+            resonance: f64::INFINITY,
+            damping: 0.0,
+            gap: 0.0,
+            before_gap: 1.0,
         }
     }
 }
@@ -37,8 +67,41 @@ impl Path {
     }
 
     /// What distinguishes two paths.
-    pub fn bits(&self) -> [u64; 4] {
-        [self.dead_zone, self.limit, self.delay, self.lag].map(f64::to_bits)
+    pub fn bits(&self) -> [u64; 8] {
+        let Self {
+            dead_zone,
+            limit,
+            delay,
+            lag,
+            resonance,
+            damping,
+            gap,
+            before_gap,
+        } = *self;
+        [
+            dead_zone, limit, delay, lag, resonance, damping, gap, before_gap,
+        ]
+        .map(f64::to_bits)
+    }
+
+    /// Whether there is a spring on the way.
+    pub fn swings(&self) -> bool {
+        self.resonance.is_finite()
+    }
+
+    /// Whether it ends at another side of the axis than the drive's.
+    pub fn divides(&self) -> bool {
+        self.swings() || self.gap > 0.0
+    }
+
+    /// The spring of the way alone.
+    #[must_use]
+    pub fn spring(&self) -> Self {
+        Self {
+            resonance: self.resonance,
+            damping: self.damping,
+            ..Self::default()
+        }
     }
 
     /// Mean over the next `h` seconds of a lagged input that stands at `y` while `w` is held, and where it ends.
@@ -51,11 +114,66 @@ impl Path {
         // The mean of e^(−t/lag) over h is (1 − e^(−x))/x.
         (w + (y - w) * (-(-x).exp_m1() / x), end)
     }
+
+    /// What a spring passes of a signal that is held in cells of `h` seconds: means over the cells, and where it stands at
+    /// their ends. The signal has stood at the first value since ever.
+    pub fn swung(&self, cells: &[f64], h: f64) -> (Vec<f64>, Vec<Swing>) {
+        let (spring, mut swing) = (
+            self.swinging(h),
+            Swing::at_ease(cells.first().copied().unwrap_or_default()),
+        );
+        let pass = |&w: &f64| {
+            let mean;
+            (mean, swing) = spring.pass(swing, w);
+            (mean, swing)
+        };
+        cells.iter().map(pass).unzip()
+    }
+
+    /// The spring over steps of `h` seconds.
+    fn swinging(&self, h: f64) -> Swinging {
+        let zeta = self.damping.clamp(0.0, LEAST_SWINGING);
+        let root = (1.0 - zeta * zeta).sqrt();
+        let (sin, cos) = (self.resonance * root * h).sin_cos();
+        let decay = (-zeta * self.resonance * h).exp();
+        Swinging {
+            turn: [decay * cos, decay * sin / root],
+            zeta,
+            angle: self.resonance * h,
+        }
+    }
 }
+
+/// A spring over steps of equal length.
+struct Swinging {
+    /// What is left of a deflection, and what a rate adds to it.
+    turn: [f64; 2],
+    zeta: f64,
+    /// `ω·h`.
+    angle: f64,
+}
+
+impl Swinging {
+    /// Mean of what the spring passes over a step while `w` is held, and where it ends.
+    ///
+    /// Its damping cancels in the integral: `∫(a + 2ζ·b) = w·h − (b_h − b_0)/ω`.
+    fn pass(&self, from: Swing, w: f64) -> (f64, Swing) {
+        let [cos, sin] = self.turn;
+        let (e, b) = (from.a - w, from.b);
+        let end = Swing {
+            a: w + e * cos + (b + self.zeta * e) * sin,
+            b: b * cos - (e + self.zeta * b) * sin,
+        };
+        (w - (end.b - b) / self.angle, end)
+    }
+}
+
+/// Damping ratio up to which a spring is taken to swing.
+const LEAST_SWINGING: f64 = 0.999;
 
 #[cfg(test)]
 mod tests {
-    use super::Path;
+    use super::{Path, Swing};
 
     #[test]
     fn a_dead_zone_takes_off_and_a_limit_cuts() {
@@ -81,5 +199,33 @@ mod tests {
         assert!((last - end).abs() < 1e-14 && (end - (3.0 - 2.0 * (-2f64).exp())).abs() < 1e-14);
         assert!((0.25 * first + 0.75 * rest - whole).abs() < 1e-14);
         assert_eq!(Path::default().relax(1.0, 3.0, 1e-3), (3.0, 3.0));
+    }
+
+    /// Under a sine the spring passes what its transfer function says, and in pieces as in one.
+    #[test]
+    fn a_spring_swings_as_its_transfer_function_says() {
+        let path = Path {
+            resonance: 50.0,
+            damping: 0.1,
+            ..Path::default()
+        };
+        let (h, drive) = (1e-4, 35.0);
+        let pass = |from, w, h| path.swinging(h).pass(from, w);
+        let mut swing = Swing::default();
+        let mut peak = 0.0_f64;
+        for k in 0..40_000 {
+            let mean;
+            (mean, swing) = pass(swing, (drive * h * (f64::from(k) + 0.5)).sin(), h);
+            peak = if k < 30_000 { 0.0 } else { peak.max(mean) };
+        }
+        let (x, damped) = (drive / 50.0, 2.0 * 0.1 * drive / 50.0);
+        let gain = (1.0 + damped * damped).sqrt() / (1.0 - x * x).hypot(damped);
+        assert!((peak / gain - 1.0).abs() < 1e-4, "{peak} {gain}");
+        let from = Swing::at_ease(1.0);
+        let (whole, end) = pass(from, 3.0, 4e-2);
+        let (first, middle) = pass(from, 3.0, 1e-2);
+        let (rest, last) = pass(middle, 3.0, 3e-2);
+        assert!((0.25 * first + 0.75 * rest - whole).abs() < 1e-13);
+        assert!((last.a - end.a).hypot(last.b - end.b) < 1e-13);
     }
 }

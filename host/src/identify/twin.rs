@@ -10,6 +10,7 @@ use crate::model::Model;
 use crate::plant;
 use crate::recording::Recording;
 use crate::step::State;
+use crate::system;
 use crate::weak::Track;
 
 /// Bandwidth with which the motion of a twin follows the measured one, Hz: within that of the test functions (7 Hz), so
@@ -34,6 +35,10 @@ impl Twin {
         seed: u64,
     ) -> Option<Self> {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        if system::path(model).divides() {
+            // Held by its load, the axis would shake itself at its resonance.
+            return None;
+        }
         let mut plant = plant::new(model).ok()?;
         let authority = plant.authority();
         let omega = TAU * FOLLOWS;

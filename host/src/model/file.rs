@@ -377,6 +377,8 @@ fn effect_terms(section: Option<&dyn TableLike>, axis: Given, law: &[Term]) -> C
 
 fn term(effect: &'static dyn Effect, table: &dyn TableLike) -> Checked<Term> {
     let section = format!("effects.{}", effect.id());
+    let of = |form: &&dyn Effect| table.contains_key(form.parameters()[0].name);
+    let effect = effect.load_side().filter(of).unwrap_or(effect);
     let names: Vec<&str> = effect.parameters().iter().map(|s| s.name).collect();
     only(table, &section, &names)?;
     let mut parameters = names

@@ -252,7 +252,7 @@ fn errors(
 
 /// Whether a term lies beyond the state that the predictor corrects.
 fn unpredicted(term: &Term) -> bool {
-    matches!(term.effect.seat(), Seat::Sensor | Seat::Load)
+    term.effect.seat() == Seat::Sensor || term.effect.divides()
 }
 
 /// Norm of what the drive contributes to the innovations, which are linear in its gain.

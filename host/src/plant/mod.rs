@@ -53,10 +53,10 @@ pub fn new(model: &Model) -> Result<Box<dyn Plant>> {
     })
 }
 
-/// Only an axis can carry a load behind its measured side; the other plants have their own.
+/// Only an axis can carry a load behind its driven side; the other plants have their own.
 fn refuse_loads(model: &Model) -> Result<()> {
     let mut terms = model.terms.iter();
-    match terms.find(|t| t.effect.hangs()) {
+    match terms.find(|t| t.effect.divides()) {
         Some(term) if model.kind != Kind::Axis => Err(Error::Usage(format!(
             "[effects.{}] hangs a load on the axis, and plant.kind = {:?} has a mechanism of its own; leave the effect out",
             term.effect.id(),

@@ -41,11 +41,11 @@ impl Rows {
             residual.iter().map(|r| r * scale).collect()
         };
         let rows = problem.rows.iter();
-        let coulomb = problem.coulomb(&Direction::default());
+        let coulomb = problem.coulomb(&Direction::default(), &Path::default());
         Self {
             track: rows.clone().map(|r| r.track).collect(),
             time: rows.clone().map(|r| problem.time(*r)).collect(),
-            velocity: problem.velocity().to_vec(),
+            velocity: problem.velocity(&Path::default()).to_vec(),
             position: rows.map(|r| problem.tracks[r.track].q[r.centre]).collect(),
             input: problem.input(&Path::default()).to_vec(),
             sliding: coulomb.iter().map(|s| s.abs() > SLIDING).collect(),

@@ -97,21 +97,24 @@ impl<'a> Ground<'a> {
     }
 
     fn on_grid(&self, term: &Term) -> Result<Option<Found>> {
-        let second = term.effect.shape().map_or(0.0, |(_, start)| start);
-        let grid = term.effect.grid(&self.survey);
-        self.prepare(term, &grid, second);
-        let scores: Vec<Option<Score>> = grid
+        let (grid, shapes) = (term.effect.grid(&self.survey), term.effect.shapes());
+        let each = |&shape: &f64| (grid.iter().enumerate()).map(move |(k, &x)| (k, [x, shape]));
+        let tried: Vec<(usize, Inner)> = shapes.iter().flat_map(each).collect();
+        shapes
+            .iter()
+            .for_each(|&shape| self.prepare(term, &grid, shape));
+        let scores: Vec<Option<Score>> = tried
             .par_iter()
-            .map(|&first| self.with(term, [first, second]))
+            .map(|&(_, inner)| self.with(term, inner))
             .collect::<Result<_>>()?;
         let mut best: Option<(usize, Found)> = None;
-        for (k, (&first, score)) in grid.iter().zip(scores).enumerate() {
+        for (&(k, inner), score) in tried.iter().zip(scores) {
             let Some(score) = score else { continue };
             if best.as_ref().is_none_or(|(_, b)| score.chi2 < b.score.chi2) {
                 let found = Found {
-                    inner: [first, second],
+                    inner,
                     score,
-                    tried: grid.len(),
+                    tried: tried.len(),
                 };
                 best = Some((k, found));
             }
@@ -213,6 +216,13 @@ impl<'a> Ground<'a> {
         let mut model = self.model_with(term, inner);
         let (system, score);
         if term.effect.width() == 0 {
+            if system::path(&model).gap > 0.0 {
+                // What a gap keeps back follows from the numbers of the model, which without it are far from the truth.
+                let first = System::new(self.setting.problem, &model)?.whitened(self.setting.noise);
+                if let Some(score) = first.score(self.setting.blocks) {
+                    first.decode(&score.beta, &mut model);
+                }
+            }
             system = System::new(self.setting.problem, &model)?.whitened(self.setting.noise);
             score = system.score(self.setting.blocks);
         } else {
@@ -226,6 +236,11 @@ impl<'a> Ground<'a> {
     pub fn products_with(&self, columns: &[&[f64]]) -> Products {
         let response = &self.system.response;
         self.products.with(response, columns, self.setting.blocks)
+    }
+
+    /// Share of the input that a gap keeps from the load, if a term is one: see [`system::lost`].
+    pub fn lost(&self, term: &Term, inner: Inner) -> Option<f64> {
+        system::lost(self.setting.problem, &self.model_with(term, inner))
     }
 
     /// Whether a term left the inertia what it was, within reason: one next to proportional to the drive can take the

@@ -1,11 +1,11 @@
-//! An axis with a load behind its measured side: backlash and compliance.
+//! An axis with a load behind its driven side: backlash and compliance.
 
 use super::{Drive, Mechanism, State};
 use crate::axis::{Axis, Contact};
 use crate::effects::{Coupling, Moment, Path};
 
-/// `(J − J_L)·v̇ = k·u − F − T`, `J_L·v̇_L = T`: the friction of the axis sits at the measured side, and `T` is what the
-/// coupling transmits. States: position and velocity of the measured side, and of the load relative to it.
+/// `(J − J_L)·v̇ = k·u − F − T`, `J_L·v̇_L = T`: the friction of the axis sits at the driven side, and `T` is what the
+/// coupling transmits. States: position and velocity of the driven side, and of the load relative to it.
 pub struct Loaded<A> {
     axis: A,
     coupling: Coupling,
@@ -19,6 +19,16 @@ impl<A: AsRef<Axis>> Loaded<A> {
 
     fn axis(&self) -> &Axis {
         self.axis.as_ref()
+    }
+
+    /// The state that an encoder would see so while the load is ahead of the driven side, and moves ahead, by so much.
+    pub fn carrying(&self, seen: State, [ahead, rate]: [f64; 2]) -> [f64; 4] {
+        let State { q, v } = self.axis().truth(seen);
+        if self.coupling.load_side {
+            [q - ahead, v - rate, ahead, rate]
+        } else {
+            [q, v, ahead, rate]
+        }
     }
 }
 
@@ -64,17 +74,24 @@ impl<A: AsRef<Axis>> Mechanism<4> for Loaded<A> {
         x[1] = 0.0;
     }
     fn measured(&self, x: &[f64; 4]) -> State {
-        self.axis().seen(self.sliding(x))
+        let State { q, v } = self.sliding(x);
+        self.axis().seen(if self.coupling.load_side {
+            State {
+                q: q + x[2],
+                v: v + x[3],
+            }
+        } else {
+            State { q, v }
+        })
     }
     fn placed(&self, state: State) -> [f64; 4] {
-        let truth = self.axis().truth(state);
         // A moving axis pulls its load along at the end of the gap.
-        let behind = if truth.v == 0.0 {
+        let behind = if state.v == 0.0 {
             0.0
         } else {
-            -0.5 * self.coupling.gap * truth.v.signum()
+            -0.5 * self.coupling.gap * state.v.signum()
         };
-        [truth.q, truth.v, behind, 0.0]
+        self.carrying(state, [behind, 0.0])
     }
     fn pace(&self) -> f64 {
         let Coupling {

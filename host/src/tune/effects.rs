@@ -35,7 +35,7 @@ pub(super) fn of(model: &Model, drive: &Drive, count: f64) -> Result<Effects<f64
                 )?;
             }
             "position-dependent-friction" => effects.friction = friction_wave(term, count),
-            "backlash" => {
+            "backlash" if term.effect.hangs() => {
                 effects.backlash = Backlash {
                     inertia: value(0),
                     gap: value(1) / count,
@@ -103,6 +103,12 @@ pub fn left_alone(model: &Model) -> Vec<&'static str> {
         .terms
         .iter()
         .filter(|term| !term.in_law && !term.is_of_contact());
-    let ids = own.map(|term| term.effect.id());
-    ids.filter(|id| !ANSWERED.contains(id)).collect()
+    // A gap before the encoder is no gap behind it, which is what the controller answers.
+    let answered = |term: &&Term| {
+        let effect = term.effect;
+        ANSWERED.contains(&effect.id()) && !effect.on_load_side()
+    };
+    own.filter(|term| !answered(term))
+        .map(|term| term.effect.id())
+        .collect()
 }

@@ -306,6 +306,25 @@ mod tests {
         assert_eq!(super::left_alone(&found), ["quadratic-drag"]);
     }
 
+    /// A controller crosses a gap behind the encoder; before the encoder it is another one, whose parameters mean other things.
+    #[test]
+    fn a_gap_before_the_encoder_is_left_alone() {
+        let plain = "[plant]\nmotion = \"rotary\"\ninertia = 0.002\n[friction]\ncoulomb = 0.1\nviscous = 0.015\n[effects.backlash]\n";
+        let with = |gap: &str| Model::parse(&format!("{plain}{gap}")).unwrap();
+        let behind = with("load_inertia = 0.001\ngap = 0.02\n");
+        assert!(super::left_alone(&behind).is_empty());
+        assert_eq!(
+            parameters(&behind, &WISH).unwrap().effects.backlash.inertia,
+            0.001
+        );
+        let before = with("matched_gap = 0.02\nmotor_friction = 0.9\n");
+        assert_eq!(super::left_alone(&before), ["backlash"]);
+        assert_eq!(
+            parameters(&before, &WISH).unwrap().effects.backlash.inertia,
+            0.0
+        );
+    }
+
     /// `∫e^(−v/vs)dv = vs`, and `∫e^(−(v/w)²)dv = w·√π/2`.
     #[test]
     fn another_exponent_keeps_the_area_under_the_stribeck_curve() {

@@ -4,6 +4,7 @@ use bristle_core::weak::Kernel;
 use nalgebra::DVectorView;
 
 use super::Track;
+use crate::effects::Path;
 
 /// Which part of the recording a window lies in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -86,12 +87,22 @@ impl Windows {
 
     /// `∫x φ` over the sliding part of every window for a signal given by its mean in each cell.
     pub fn hold(&self, track: &Track, cells: &[f64]) -> Vec<f64> {
+        self.hold_through(track, cells, &Path::default())
+    }
+
+    /// The same of what the spring of a path passes of the signal. While the axis rests, friction takes up what drives it, and
+    /// nothing of either reaches the spring.
+    pub fn hold_through(&self, track: &Track, cells: &[f64], path: &Path) -> Vec<f64> {
         let sliding: Vec<f64> = cells
             .iter()
             .zip(&track.sliding)
             .map(|(x, s)| x * s)
             .collect();
-        self.apply(&self.hold, &sliding)
+        if path.swings() {
+            self.apply(&self.hold, &path.swung(&sliding, track.period).0)
+        } else {
+            self.apply(&self.hold, &sliding)
+        }
     }
 
     /// Variance of `∫q φ̈` for unit white noise on the positions.

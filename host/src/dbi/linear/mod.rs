@@ -157,7 +157,7 @@ fn seen(
     if !form.sliding_only() {
         return blocks.to_vec();
     }
-    let direction = problem.coulomb(&problem.direction(model));
+    let direction = problem.coulomb(&problem.direction(model), &system::path(model));
     let rows = blocks.iter().zip(direction.iter());
     rows.map(|(block, s)| block.filter(|_| s.abs() >= SLIDING))
         .collect()

@@ -1,0 +1,82 @@
+//! Lost motion between the drive and the side that the encoder measures: see [`crate::slack`] for the equation.
+
+use super::backlash::{Backlash, CONTACT};
+use super::{
+    Confusion, Coupling, Effect, Given, Inner, Motion, Path, Quantity, Scale, Seat, Spec, Survey,
+};
+use crate::format::quantity;
+use crate::slack::MOTOR;
+
+pub(super) struct BacklashLoadSide;
+
+impl Effect for BacklashLoadSide {
+    fn id(&self) -> &'static str {
+        Backlash.id()
+    }
+    fn name(&self) -> &'static str {
+        Backlash.name()
+    }
+    fn doc(&self) -> &'static str {
+        Backlash.doc()
+    }
+    fn parameters(&self) -> &'static [Spec] {
+        const {
+            &[
+                Spec::within("matched_gap", Quantity::Position, (0.0, f64::INFINITY)),
+                Spec::within("motor_friction", Quantity::Number, (0.0, 1.0)),
+            ]
+        }
+    }
+    fn confusions(&self) -> &'static [Confusion] {
+        Backlash.confusions()
+    }
+    fn sentence(&self, p: &[f64], motion: Motion) -> String {
+        format!(
+            "The measured side follows the drive with a play of {} if both weigh alike: preload or replace the gear or coupling, or cross the gap slowly at reversals.",
+            quantity(p[0], Quantity::Position.unit(motion))
+        )
+    }
+    fn unsuited(&self, axis: Given) -> Option<&'static str> {
+        Backlash.unsuited(axis)
+    }
+    fn seat(&self) -> Seat {
+        Seat::Input
+    }
+    fn divides(&self) -> bool {
+        true
+    }
+    fn width(&self) -> usize {
+        0
+    }
+    fn inner(&self) -> Option<usize> {
+        Some(0)
+    }
+    fn shape(&self) -> Option<(usize, f64)> {
+        Some((1, 1.0))
+    }
+    fn shapes(&self) -> Vec<f64> {
+        vec![1.0, 0.5]
+    }
+    fn named(&self, inner: Inner, _coefficients: &[f64], _scale: Scale) -> Vec<f64> {
+        inner.to_vec()
+    }
+    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
+        ([p[0], p[1]], Vec::new())
+    }
+    fn grid(&self, survey: &Survey) -> Vec<f64> {
+        Backlash.grid(survey)
+    }
+    fn transmit(&self, p: &[f64], path: &mut Path) {
+        (path.gap, path.before_gap) = (p[0], p[1]);
+    }
+    fn coupling(&self, p: &[f64], inertia: f64) -> Option<Coupling> {
+        let load = (1.0 - MOTOR) * inertia;
+        Some(Coupling {
+            inertia: load,
+            stiffness: load * CONTACT * CONTACT,
+            damping: 2.0 * load * CONTACT,
+            gap: p[0],
+            load_side: true,
+        })
+    }
+}

@@ -1,0 +1,127 @@
+//! An axis whose encoder sits behind a gap: when the drive is in it, and the blow at its end.
+//!
+//! With the motor ahead of the measured load by `x` within `±gap/2`, `J·q̈ + J_M·ẍ + F = k·u`. In the gap nothing reaches the
+//! load: the motor, of inertia `J_M`, moves by itself until it meets a wall and shares its momentum with the load.
+//!
+//! A recording shows the load alone, and of motor and gap hardly more than `J_M·gap`: how long the load lacks the drive, and how
+//! hard the blow is. So `J_M` is taken as half of the inertia. The share `μ` of the friction that is the motor's shows in when the
+//! two part: where `J_L·q̈ + (1 − μ)·F`, with which the motor pushes the load, changes its sign.
+
+use crate::effects::{Path, Point};
+use crate::weak::Track;
+
+/// Share of the inertia that is the motor's: gears are chosen so that both sides weigh alike.
+pub const MOTOR: f64 = 0.5;
+
+/// What moves an axis and holds it.
+#[derive(Clone, Copy, Debug)]
+pub struct Forces {
+    /// Torque or force per unit of `u`.
+    pub gain: f64,
+    /// What velocity takes off `u`, per rad/s or m/s.
+    pub back_emf: f64,
+    /// Inertia of both sides.
+    pub inertia: f64,
+    /// Coulomb friction of both sides.
+    pub coulomb: f64,
+    /// Viscous friction of both sides.
+    pub viscous: f64,
+}
+
+impl Forces {
+    /// What distinguishes two of them.
+    pub fn bits(&self) -> [u64; 5] {
+        let Self {
+            gain,
+            back_emf,
+            inertia,
+            coulomb,
+            viscous,
+        } = *self;
+        [gain, back_emf, inertia, coulomb, viscous].map(f64::to_bits)
+    }
+
+    /// Drive in every cell of a track.
+    fn drive(&self, track: &Track, path: &Path) -> Vec<f64> {
+        let input = track.input(path).into_iter().zip(&track.cells);
+        let drive = |(u, cell): (f64, &Point)| self.gain * (u - self.back_emf * cell.v);
+        input.map(drive).collect()
+    }
+}
+
+/// The motion of a motor within a gap.
+pub struct Slack {
+    /// Torque or force that does not reach the load, as means over the cells; what the blow at the end of the gap gives is
+    /// negative.
+    pub missing: Vec<f64>,
+    /// Where the load stands at every node relative to the motor, and how fast it moves so.
+    pub load: Vec<[f64; 2]>,
+}
+
+impl Slack {
+    /// Follows the motor through the gap on a path along a track, from the end towards which it pushes first.
+    pub fn new(track: &Track, forces: &Forces, path: &Path) -> Self {
+        let (h, half, own) = (track.period, 0.5 * path.gap, path.before_gap);
+        let drive = forces.drive(track, path);
+        let motor = MOTOR * forces.inertia;
+        let count = track.cells.len();
+        let mut missing = vec![0.0; count];
+        let mut load = Vec::with_capacity(count + 1);
+        let held = (own * forces.coulomb).max(0.0);
+        let first = drive.iter().find(|drive| **drive != 0.0);
+        let mut x = half.copysign(first.copied().unwrap_or_default());
+        let (mut v, mut loose) = (track.v[0], false);
+        load.push([-x, 0.0]);
+        for (k, &drive) in drive.iter().enumerate() {
+            let (before, after) = (track.v[k], track.v[k + 1]);
+            let friction = forces.coulomb * track.cells[k].s + forces.viscous * track.cells[k].v;
+            if !loose {
+                // Together: the drive pushes, or draws away.
+                v = before;
+                let pushed = if track.sliding[k] > 0.0 {
+                    (1.0 - MOTOR) * drive + (MOTOR - own) * friction
+                } else {
+                    drive - drive.clamp(-held, held)
+                };
+                loose = pushed * x < 0.0;
+            }
+            if !loose {
+                load.push([-x, 0.0]);
+                continue;
+            }
+            let free = v + h / motor * (drive - own * forces.viscous * v);
+            let stop = h / motor * held;
+            let next = free - free.clamp(-stop, stop);
+            let step = 0.5 * h * (v + next - before - after);
+            let wall = half.copysign(step);
+            // Share of the cell until the motor meets a wall.
+            let share = if (x + step) * wall.signum() >= half && step != 0.0 {
+                ((wall - x) / step).clamp(0.0, 1.0)
+            } else {
+                1.0
+            };
+            let lacks = drive - own * friction - motor * (after - before) / h;
+            missing[k] += share * track.sliding[k] * lacks;
+            x = (x + step).clamp(-half, half);
+            loose = share >= 1.0;
+            if loose {
+                v = next;
+            } else {
+                let ahead = v + share * (next - v) - before - share * (after - before);
+                strike(&mut missing, k as f64 + share, -motor * ahead / h);
+            }
+            load.push([-x, if loose { after - v } else { 0.0 }]);
+        }
+        Self { missing, load }
+    }
+}
+
+/// Adds a blow at some time, counted in cells, to the cells whose middles lie around it.
+fn strike(cells: &mut [f64], at: f64, blow: f64) {
+    let at = (at - 0.5).clamp(0.0, cells.len() as f64 - 1.0);
+    let (cell, rest) = (at as usize, at.fract());
+    cells[cell] += (1.0 - rest) * blow;
+    if let Some(next) = cells.get_mut(cell + 1) {
+        *next += rest * blow;
+    }
+}
