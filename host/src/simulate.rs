@@ -292,14 +292,20 @@ mod tests {
     }
 
     #[test]
-    fn a_load_without_inertia_is_no_load() {
+    fn a_load_without_inertia_is_no_load_and_one_without_a_gap_no_other_side() {
         let bare = "[plant]\nmotion = \"rotary\"\ninertia = 0.01\n[friction]\ncoulomb = 0.1\nviscous = 0.02\n";
-        let runs = ["", "[effects.backlash]\nload_inertia = 0.0\ngap = 0.02\n"].map(|load| {
+        let loads = [
+            "",
+            "[effects.backlash]\nload_inertia = 0.0\ngap = 0.02\n",
+            "[effects.backlash]\nmatched_gap = 0.0\nmotor_friction = 1.0\n",
+        ];
+        let runs = loads.map(|load| {
             let axis = Axis::new(&Model::parse(&format!("{bare}{load}")).unwrap()).unwrap();
             let swinging = recording(300, |t| (40.0 * t).sin());
             run_axis(&axis, &swinging, 0, 299, State::default())[299]
         });
-        assert!(runs[0].q != 0.0 && runs[0].q == runs[1].q, "{runs:?}");
+        assert!(runs[0].q != 0.0, "{runs:?}");
+        assert!(runs.iter().all(|end| end.q == runs[0].q), "{runs:?}");
     }
 
     #[test]

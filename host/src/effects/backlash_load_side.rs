@@ -71,7 +71,8 @@ impl Effect for BacklashLoadSide {
     }
     fn coupling(&self, p: &[f64], inertia: f64) -> Option<Coupling> {
         let load = (1.0 - MOTOR) * inertia;
-        Some(Coupling {
+        // Without a gap both sides are one.
+        (p[0] > 0.0).then_some(Coupling {
             inertia: load,
             stiffness: load * CONTACT * CONTACT,
             damping: 2.0 * load * CONTACT,

@@ -14,6 +14,8 @@ use crate::format::quantity;
 
 /// Damping ratio with which a resonance is sought: more than it will have, so that a few frequencies come near it.
 const SOUGHT: f64 = 0.15;
+/// Resonance beyond which no recording shows a spring, Hz: simulation follows every swing of it.
+const STIFFEST: f64 = 1000.0;
 /// Share of the inertia that is the load's in simulation: gears are chosen so that both sides weigh alike.
 const LOAD: f64 = 0.5;
 
@@ -35,7 +37,7 @@ impl Effect for ComplianceLoadSide {
                 Spec::within(
                     "resonance",
                     Quantity::Frequency,
-                    (f64::MIN_POSITIVE, f64::INFINITY),
+                    (f64::MIN_POSITIVE, STIFFEST),
                 ),
                 Spec::within("damping_ratio", Quantity::Number, (0.0, 1.0)),
             ]
