@@ -2,7 +2,7 @@
 //!
 //! Data goes one way. A module uses only those before it in this order, which `tests/structure.rs` checks:
 //!
-//! format → motion → error → image → effects → model → recording → weak → phasor → problem → linear → noise → spectrum → projection → system → scan → normal → uncertainty → refine → dictionary → axis → step → simulate → plant → tune → excite → bench → servo → link → emulate → deploy → place → ports → guided → monitor → fit → identify → stream → pem → curve → check → diagnose → experiment → dbi → trials → showcase → cycle → report → flash → cli
+//! format → motion → error → image → effects → model → recording → weak → slack → phasor → problem → linear → noise → spectrum → projection → system → scan → normal → uncertainty → refine → dictionary → axis → step → simulate → plant → tune → excite → bench → servo → link → emulate → deploy → place → ports → guided → monitor → fit → identify → stream → pem → curve → check → diagnose → experiment → dbi → trials → showcase → cycle → report → flash → cli
 
 pub mod axis;
 pub mod bench;

@@ -7,11 +7,8 @@
 //! hard the blow is. So `J_M` is taken as half of the inertia. The share `μ` of the friction that is the motor's shows in when the
 //! two part: where `J_L·q̈ + (1 − μ)·F`, with which the motor pushes the load, changes its sign.
 
-use crate::effects::{Path, Point};
+use crate::effects::{MOTOR, Path, Point};
 use crate::weak::Track;
-
-/// Share of the inertia that is the motor's: gears are chosen so that both sides weigh alike.
-pub const MOTOR: f64 = 0.5;
 
 /// What moves an axis and holds it.
 #[derive(Clone, Copy, Debug)]

@@ -2,10 +2,10 @@
 
 use super::backlash::{Backlash, CONTACT};
 use super::{
-    Confusion, Coupling, Effect, Given, Inner, Motion, Path, Quantity, Scale, Seat, Spec, Survey,
+    Confusion, Coupling, Effect, Given, Inner, MOTOR, Motion, Path, Quantity, Scale, Seat, Spec,
+    Survey,
 };
 use crate::format::quantity;
-use crate::slack::MOTOR;
 
 pub(super) struct BacklashLoadSide;
 

@@ -7,8 +7,8 @@
 
 use super::compliance::Compliance;
 use super::{
-    Confusion, Coupling, Effect, Given, Inner, Motion, Path, Quantity, Scale, Seat, Spec, Survey,
-    geometric,
+    Confusion, Coupling, Effect, Given, Inner, MOTOR, Motion, Path, Quantity, Scale, Seat, Spec,
+    Survey, geometric,
 };
 use crate::format::quantity;
 
@@ -16,8 +16,6 @@ use crate::format::quantity;
 const SOUGHT: f64 = 0.15;
 /// Resonance beyond which no recording shows a spring, Hz: simulation follows every swing of it.
 const STIFFEST: f64 = 1000.0;
-/// Share of the inertia that is the load's in simulation: gears are chosen so that both sides weigh alike.
-const LOAD: f64 = 0.5;
 
 pub(super) struct ComplianceLoadSide;
 
@@ -88,9 +86,9 @@ impl Effect for ComplianceLoadSide {
     }
     fn coupling(&self, p: &[f64], inertia: f64) -> Option<Coupling> {
         let omega = std::f64::consts::TAU * p[0];
-        let reduced = LOAD * (1.0 - LOAD) * inertia;
+        let reduced = (1.0 - MOTOR) * MOTOR * inertia;
         Some(Coupling {
-            inertia: LOAD * inertia,
+            inertia: (1.0 - MOTOR) * inertia,
             stiffness: reduced * omega * omega,
             damping: 2.0 * p[1] * omega * reduced,
             gap: 0.0,

@@ -107,6 +107,10 @@ pub struct Impostor {
 /// Parameters on which an effect depends nonlinearly: the scanned one and, where there is one, a second.
 pub type Inner = [f64; 2];
 
+/// Share of the inertia that is the motor's where an encoder on the load cannot tell: gears are chosen so that both sides weigh
+/// alike.
+pub const MOTOR: f64 = 0.5;
+
 /// The inner parameters of an effect that has none.
 const FREE: Inner = [0.0; 2];
 
