@@ -204,7 +204,7 @@ fn hanging(model: &Model) -> Option<(&'static dyn Effect, Inner)> {
     Some((term.effect, inner))
 }
 
-/// What hangs behind the measured side, which a load without inertia does not; refuses two loads, and one that is all of the
+/// What hangs behind the driven side, which a load without inertia does not; refuses two loads, and one that is all of the
 /// inertia.
 fn coupling(model: &Model, inertia: f64) -> Result<Option<Coupling>> {
     let of = |t: &Term| {

@@ -55,16 +55,54 @@ pub struct Slack {
     pub load: Vec<[f64; 2]>,
 }
 
+/// A motor on one side of a gap.
+struct Motor {
+    inertia: f64,
+    /// Share of the friction that is its own.
+    own: f64,
+    /// Its own Coulomb friction.
+    held: f64,
+    /// Its own viscous friction.
+    viscous: f64,
+}
+
+impl Motor {
+    fn of(forces: &Forces, path: &Path) -> Self {
+        let own = path.before_gap;
+        Self {
+            inertia: MOTOR * forces.inertia,
+            own,
+            held: (own * forces.coulomb).max(0.0),
+            viscous: own * forces.viscous,
+        }
+    }
+
+    /// What it pushes the load with while both move or stand together, up to a positive factor.
+    fn push(&self, drive: f64, friction: f64, moving: bool) -> f64 {
+        if moving {
+            (1.0 - MOTOR) * drive + (MOTOR - self.own) * friction
+        } else {
+            drive - drive.clamp(-self.held, self.held)
+        }
+    }
+
+    /// Its velocity after a time `h` by itself.
+    fn alone(&self, v: f64, drive: f64, h: f64) -> f64 {
+        let free = v + h / self.inertia * (drive - self.viscous * v);
+        let stop = h / self.inertia * self.held;
+        free - free.clamp(-stop, stop)
+    }
+}
+
 impl Slack {
     /// Follows the motor through the gap on a path along a track, from the end towards which it pushes first.
     pub fn new(track: &Track, forces: &Forces, path: &Path) -> Self {
-        let (h, half, own) = (track.period, 0.5 * path.gap, path.before_gap);
+        let (h, half) = (track.period, 0.5 * path.gap);
+        let motor = Motor::of(forces, path);
         let drive = forces.drive(track, path);
-        let motor = MOTOR * forces.inertia;
         let count = track.cells.len();
         let mut missing = vec![0.0; count];
         let mut load = Vec::with_capacity(count + 1);
-        let held = (own * forces.coulomb).max(0.0);
         let first = drive.iter().find(|drive| **drive != 0.0);
         let mut x = half.copysign(first.copied().unwrap_or_default());
         let (mut v, mut loose) = (track.v[0], false);
@@ -73,22 +111,14 @@ impl Slack {
             let (before, after) = (track.v[k], track.v[k + 1]);
             let friction = forces.coulomb * track.cells[k].s + forces.viscous * track.cells[k].v;
             if !loose {
-                // Together: the drive pushes, or draws away.
                 v = before;
-                let pushed = if track.sliding[k] > 0.0 {
-                    (1.0 - MOTOR) * drive + (MOTOR - own) * friction
-                } else {
-                    drive - drive.clamp(-held, held)
-                };
-                loose = pushed * x < 0.0;
+                loose = x * motor.push(drive, friction, track.sliding[k] > 0.0) < 0.0;
             }
             if !loose {
                 load.push([-x, 0.0]);
                 continue;
             }
-            let free = v + h / motor * (drive - own * forces.viscous * v);
-            let stop = h / motor * held;
-            let next = free - free.clamp(-stop, stop);
+            let next = motor.alone(v, drive, h);
             let step = 0.5 * h * (v + next - before - after);
             let wall = half.copysign(step);
             // Share of the cell until the motor meets a wall.
@@ -97,7 +127,7 @@ impl Slack {
             } else {
                 1.0
             };
-            let lacks = drive - own * friction - motor * (after - before) / h;
+            let lacks = drive - motor.own * friction - motor.inertia * (after - before) / h;
             missing[k] += share * track.sliding[k] * lacks;
             x = (x + step).clamp(-half, half);
             loose = share >= 1.0;
@@ -105,7 +135,7 @@ impl Slack {
                 v = next;
             } else {
                 let ahead = v + share * (next - v) - before - share * (after - before);
-                strike(&mut missing, k as f64 + share, -motor * ahead / h);
+                strike(&mut missing, k as f64 + share, -motor.inertia * ahead / h);
             }
             load.push([-x, if loose { after - v } else { 0.0 }]);
         }
