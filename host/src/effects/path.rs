@@ -132,7 +132,7 @@ impl Path {
 
     /// The spring over steps of `h` seconds.
     fn swinging(&self, h: f64) -> Swinging {
-        let zeta = self.damping.clamp(0.0, LEAST_SWINGING);
+        let zeta = self.damping.clamp(0.0, MOST_DAMPED);
         let root = (1.0 - zeta * zeta).sqrt();
         let (sin, cos) = (self.resonance * root * h).sin_cos();
         let decay = (-zeta * self.resonance * h).exp();
@@ -169,7 +169,7 @@ impl Swinging {
 }
 
 /// Damping ratio up to which a spring is taken to swing.
-const LEAST_SWINGING: f64 = 0.999;
+const MOST_DAMPED: f64 = 0.999;
 
 #[cfg(test)]
 mod tests {
