@@ -316,13 +316,13 @@ impl Axis {
         let input = track.input(&self.path);
         let cells = track.cells.iter().zip(&track.sliding).zip(input);
         let net = |((cell, sliding), u): ((&Point, &f64), f64)| {
-            let State { q, v } = self.truth(State {
+            let state = self.truth(State {
                 q: cell.q,
                 v: cell.v,
             });
             let moment = Moment { u, ..cell.moment };
-            let friction = self.contact.resisting(moment, State { q, v }, cell.s);
-            sliding * (self.gain * (u - self.back_emf * v) - friction)
+            let friction = self.contact.resisting(moment, state, cell.s);
+            sliding * (self.gain * (u - self.back_emf * state.v) - friction)
         };
         cells.map(net).collect()
     }

@@ -206,16 +206,14 @@ impl Problem {
     pub fn velocity(&self, path: &Path) -> Column {
         let key = path.spring().bits().to_vec();
         self.cached(("velocity", key), || {
-            let swung = |t: &Track, w: &Windows| {
+            vec![self.stack(|t, w| {
+                if !path.swings() {
+                    return w.velocity(&t.q);
+                }
                 let steps = t.q.windows(2).map(|pair| pair[1] - pair[0]);
                 let speeds: Vec<f64> = steps.map(|step| step / t.period).collect();
                 w.hold_through(t, &speeds, path)
-            };
-            vec![if path.swings() {
-                self.stack(swung)
-            } else {
-                self.stack(|t, w| w.velocity(&t.q))
-            }]
+            })]
         })
         .remove(0)
     }

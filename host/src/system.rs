@@ -456,21 +456,20 @@ fn check_scale(model: &Model) -> Result<()> {
 /// the back-EMF passes, too, here to the first order; behind a gap, what reaches the load.
 fn effective_input(problem: &Problem, model: &Model, path: &Path) -> Column {
     let input = problem.input(path);
-    let back_emf = model.back_emf();
-    if back_emf == 0.0 && path.gap == 0.0 {
+    let (back_emf, missing) = (model.back_emf(), kept_back(problem, model, path));
+    if back_emf == 0.0 && missing.is_none() {
         return input;
     }
     let mut effective = input.to_vec();
-    if let Some(missing) = kept_back(problem, model, path) {
+    if let Some(missing) = missing {
         add(&mut effective, -1.0, &missing);
     }
-    if back_emf == 0.0 {
-        return Arc::new(effective);
-    }
-    add(&mut effective, -back_emf, &problem.velocity(path));
-    let winding = model.winding_lag();
-    if winding > 0.0 {
-        add(&mut effective, back_emf * winding, &problem.acceleration);
+    if back_emf != 0.0 {
+        add(&mut effective, -back_emf, &problem.velocity(path));
+        let winding = model.winding_lag();
+        if winding > 0.0 {
+            add(&mut effective, back_emf * winding, &problem.acceleration);
+        }
     }
     Arc::new(effective)
 }

@@ -126,8 +126,9 @@ fn axis(bench: &Workbench, model: &Model) -> Vec<Raw> {
     } else {
         ("direction", "∫s φ")
     };
-    let direction = problem.coulomb(&problem.direction(model), &system::path(model));
-    let input = problem.input(&system::path(model));
+    let path = system::path(model);
+    let direction = problem.coulomb(&problem.direction(model), &path);
+    let input = problem.input(&path);
     let named = |name: &str| name.to_owned();
     vec![
         (
@@ -143,7 +144,7 @@ fn axis(bench: &Workbench, model: &Model) -> Vec<Raw> {
             "−∫q φ̇",
             speed,
             value(&model.viscous),
-            problem.velocity(&system::path(model)),
+            problem.velocity(&path),
         ),
         (named(sign), coulomb, "1", value(&model.coulomb), direction),
     ]

@@ -230,8 +230,8 @@ fn search(
         }
         let added = settled.terms[before.terms.len()..].iter();
         let (nuisances, named): (Vec<_>, Vec<_>) = added.partition(|t| t.effect.nuisance());
-        let lost = system::lost(&bench.problem, &settled).filter(|lost| trial::negligible(*lost));
-        let gap = lost.and_then(|_| named.iter().find(|t| t.effect.divides()).copied());
+        let slight = system::lost(&bench.problem, &settled).is_some_and(trial::negligible);
+        let gap = (named.iter().copied()).find(|t| slight && t.effect.divides());
         let doubts = named.iter().filter_map(|t| Some((told::doubt(t)?, *t)));
         let doubtful = doubts.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, t)| t);
         let Some(doubtful) = gap.or(doubtful) else {

@@ -2,8 +2,7 @@
 
 use super::backlash::{Backlash, CONTACT};
 use super::{
-    Confusion, Coupling, Effect, Given, Inner, MOTOR, Motion, Path, Quantity, Scale, Seat, Spec,
-    Survey,
+    Confusion, Coupling, Effect, Given, MOTOR, Motion, Path, Quantity, Seat, Spec, Survey,
 };
 use crate::format::quantity;
 
@@ -56,12 +55,6 @@ impl Effect for BacklashLoadSide {
     }
     fn shapes(&self) -> Vec<f64> {
         vec![1.0, 0.5]
-    }
-    fn named(&self, inner: Inner, _coefficients: &[f64], _scale: Scale) -> Vec<f64> {
-        inner.to_vec()
-    }
-    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
-        ([p[0], p[1]], Vec::new())
     }
     fn grid(&self, survey: &Survey) -> Vec<f64> {
         Backlash.grid(survey)

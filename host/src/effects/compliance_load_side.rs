@@ -7,8 +7,8 @@
 
 use super::compliance::Compliance;
 use super::{
-    Confusion, Coupling, Effect, Given, Inner, MOTOR, Motion, Path, Quantity, Scale, Seat, Spec,
-    Survey, geometric,
+    Confusion, Coupling, Effect, Given, MOTOR, Motion, Path, Quantity, Seat, Spec, Survey,
+    geometric,
 };
 use crate::format::quantity;
 
@@ -77,12 +77,6 @@ impl Effect for ComplianceLoadSide {
         let high = (0.1 / survey.period).clamp(2.0 * low, 40.0 * low);
         let count = ((high / low).ln() / (2.0 * SOUGHT)).ceil();
         geometric(low, high, 1 + count as usize)
-    }
-    fn named(&self, inner: Inner, _coefficients: &[f64], _scale: Scale) -> Vec<f64> {
-        inner.to_vec()
-    }
-    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
-        ([p[0], p[1]], Vec::new())
     }
     fn coupling(&self, p: &[f64], inertia: f64) -> Option<Coupling> {
         let omega = std::f64::consts::TAU * p[0];

@@ -19,7 +19,7 @@
 //! M. Gautier, W. Khalil, Direct calculation of minimum set of inertial parameters of serial robots, IEEE Trans. Robotics
 //! and Automation 6(3), 1990 (what of the inertia a recording can show).
 
-use super::{Confusion, Effect, Given, Inner, Motion, Quantity, Scale, Seat, Spec};
+use super::{Confusion, Effect, Given, Motion, Quantity, Seat, Spec};
 use crate::format::quantity;
 
 pub(super) struct InertiaMismatch;
@@ -67,11 +67,5 @@ impl Effect for InertiaMismatch {
     }
     fn width(&self) -> usize {
         0
-    }
-    fn named(&self, inner: Inner, _c: &[f64], _scale: Scale) -> Vec<f64> {
-        vec![inner[0]]
-    }
-    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
-        ([p[0], 0.0], Vec::new())
     }
 }

@@ -224,14 +224,16 @@ pub trait Effect: Sync {
     fn coupling(&self, _parameters: &[f64], _inertia: f64) -> Option<Coupling> {
         None
     }
-    /// Named parameters from the linear solution. As it stands, for an effect that is its inner parameter alone.
+    /// Named parameters from the linear solution. As it stands, for an effect that is its inner parameters alone.
     fn named(&self, inner: Inner, _coefficients: &[f64], _scale: Scale) -> Vec<f64> {
-        vec![inner[0]]
+        inner[..self.parameters().len()].to_vec()
     }
     /// The linear solution from named parameters: inner parameters and coefficients. As it stands, for an effect that is
-    /// its inner parameter alone.
+    /// its inner parameters alone.
     fn linear(&self, parameters: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
-        ([parameters[0], 0.0], Vec::new())
+        let mut inner = FREE;
+        inner[..parameters.len()].copy_from_slice(parameters);
+        (inner, Vec::new())
     }
     /// Whether physics allows these coefficients.
     fn admissible(&self, _coefficients: &[f64]) -> bool {

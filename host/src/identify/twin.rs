@@ -34,11 +34,11 @@ impl Twin {
         load: f64,
         seed: u64,
     ) -> Option<Self> {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
         if system::path(model).divides() {
             // Held by its load, the axis would shake itself at its resonance.
             return None;
         }
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut plant = plant::new(model).ok()?;
         let authority = plant.authority();
         let omega = TAU * FOLLOWS;
