@@ -68,8 +68,7 @@ fn record(truth: &str, u: Vec<f64>, noise: f64, seed: u64) -> Recording {
         t,
         u,
         q: Some(q),
-        v: None,
-        input_unit: None,
+        ..Recording::default()
     }
 }
 

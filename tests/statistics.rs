@@ -21,8 +21,7 @@ fn recording(t: Vec<f64>, u: Vec<f64>, q: Vec<f64>) -> Recording {
         t,
         u,
         q: Some(q),
-        v: None,
-        input_unit: None,
+        ..Recording::default()
     }
 }
 

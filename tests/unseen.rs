@@ -151,6 +151,43 @@ fn faithful(_: f64, _: State, u: f64) -> f64 {
     u
 }
 
+/// A timer takes the samples, and a host that is late by a tenth of an interval stamps them: over its stamps the axis moves in
+/// jerks, and a free run errs twenty times as much.
+#[test]
+fn a_host_that_stamps_late_is_no_physics() {
+    let truth = "[plant]\nmotion = \"rotary\"\ninertia = 0.001\n[friction]\ncoulomb = 0.019\nviscous = 0.0019\n";
+    let bench = "--excite multisine --amplitude 0.3 --band 0.1:2 --duration 20 --rate 1000 --counts 16384 --noise 0.001 --seed 6";
+    let folder = Folder::new();
+    folder.write("truth.toml", truth);
+    folder.write("axis.toml", BASELINE);
+    folder.done(&format!(
+        "simulate --model truth.toml {bench} --out even.csv"
+    ));
+    let even = folder.read("even.csv");
+    let mut rng = ChaCha8Rng::seed_from_u64(8);
+    let late = |line: &str| {
+        let (t, rest) = line.split_once(',').expect("columns");
+        let t: String = t.parse().map_or_else(
+            |_| t.to_owned(),
+            |t: f64| (t + 1e-3 * rng.random_range(-0.17..0.17)).to_string(),
+        );
+        format!("{t},{rest}\n")
+    };
+    folder.write("late.csv", even.lines().map(late).collect::<String>());
+    let of = |name: &str| {
+        folder.done(&format!(
+            "diagnose {name}.csv --model axis.toml --json {name}.json"
+        ));
+        folder.json(&format!("{name}.json"))
+    };
+    let (even, late) = (of("even"), of("late"));
+    assert_eq!(late["verdict"], "adequate", "{}", late["text"]);
+    assert_eq!(late["warnings"][0]["id"], "timing-jitter");
+    let error = |json: &Value| json["fit"]["before"]["held_out"]["nrmse"].as_f64();
+    let (even, late) = (error(&even).expect("one"), error(&late).expect("one"));
+    assert!(late < 1.5 * even, "{late} {even}");
+}
+
 /// Asserts that something is called unknown, and gives the coordinate that it depends on most.
 fn unknown(json: &Value) -> &str {
     assert_eq!(json["verdict"], "unknown", "{}", json["text"]);

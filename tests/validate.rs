@@ -139,7 +139,7 @@ fn attempt(recipe: &Recipe, velocity_only: bool, dump: Option<&Path>) -> Option<
         u: made.u,
         q,
         v,
-        input_unit: None,
+        ..Recording::default()
     }];
     let (verdict, names, warned, more, errors) = match identify(
         &recording,

@@ -298,7 +298,6 @@ fn record(
         t: record.t,
         u: record.u,
         q: Some(record.q),
-        v: None,
-        input_unit: None,
+        ..Recording::default()
     })
 }

@@ -201,10 +201,8 @@ mod tests {
         Recording {
             path: "made.csv".into(),
             u: t.iter().map(|&t| u(t)).collect(),
-            q: None,
-            v: None,
-            input_unit: None,
             t,
+            ..Recording::default()
         }
     }
 
@@ -331,9 +329,7 @@ mod tests {
             path: "made.csv".into(),
             t,
             u,
-            q: None,
-            v: None,
-            input_unit: None,
+            ..Recording::default()
         };
         let states = run_axis(&axis, &recording, 0, 39, State::default());
         let since = 0.029;

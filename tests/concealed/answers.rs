@@ -58,8 +58,7 @@ fn answer(label: &Label) -> Option<Answer> {
         t: made.t,
         u: made.u,
         q: Some(made.q),
-        v: None,
-        input_unit: None,
+        ..Recording::default()
     }];
     Some(Answer {
         said: say(&recording, &baseline),

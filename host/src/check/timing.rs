@@ -2,7 +2,8 @@
 
 use std::ops::RangeInclusive;
 
-use super::{Warning, quantile, rms};
+use super::stamps::{BETTER, Intervals, roughness};
+use super::{Warning, rms};
 use crate::format::{percent, quantity, whole_percent};
 use crate::recording::Recording;
 use crate::weak::Track;
@@ -17,21 +18,18 @@ const GAP: f64 = 5.0;
 const EVEN: f64 = 0.02;
 /// Jitter beyond this, even if the stamps tell the truth, leaves holes as large as samples.
 const WILD: f64 = 0.3;
-/// One description of the samples is better than another if it leaves this much less.
-const BETTER: f64 = 0.8;
 
 pub(super) fn check(recording: &Recording, track: &Track) -> Vec<Warning> {
-    let t = &recording.t;
-    let intervals: Vec<f64> = t.windows(2).map(|w| w[1] - w[0]).collect();
-    let median = quantile(intervals.clone(), 0.5);
-    let usual = intervals.iter().filter(|dt| **dt < 1.5 * median);
-    let deviations: Vec<f64> = usual.map(|dt| dt / median - 1.0).collect();
-    let jitter = rms(deviations.iter().copied());
+    let stamps = recording.stamps.as_ref().unwrap_or(&recording.t);
+    let intervals = Intervals::of(stamps);
     let mut warnings = Vec::new();
-    warnings.extend(unit(median));
-    warnings.extend(lost(&intervals, median, jitter));
-    let largest = deviations.iter().fold(0.0, |m: f64, d| m.max(d.abs()));
-    warnings.extend(uneven(recording, track, (median, jitter, largest)));
+    warnings.extend(unit(intervals.median));
+    warnings.extend(lost(&intervals));
+    warnings.extend(if recording.stamps.is_some() {
+        Some(evened(&intervals))
+    } else {
+        uneven(recording, track, &intervals)
+    });
     warnings
 }
 
@@ -64,16 +62,13 @@ fn unit(median: f64) -> Option<Warning> {
     ))
 }
 
-fn lost(intervals: &[f64], median: f64, jitter: f64) -> Option<Warning> {
-    // A missing sample doubles the interval; jitter alone must not look like it.
-    let double = (1.0 + 5.0 * jitter).max(1.5);
-    let long = intervals
-        .iter()
-        .map(|dt| dt / median)
-        .filter(|r| *r > double);
+fn lost(intervals: &Intervals) -> Option<Warning> {
+    let Intervals { all, median, .. } = intervals;
+    let long = all.iter().filter(|dt| **dt > intervals.long());
+    let long = long.map(|dt| dt / median);
     let lost: f64 = long.clone().map(|r| r.round() - 1.0).sum();
     let longest = long.clone().fold(0.0, f64::max);
-    let share = lost / (lost + intervals.len() as f64);
+    let share = lost / (lost + all.len() as f64);
     if share < LOST && longest <= GAP {
         return None;
     }
@@ -95,12 +90,9 @@ fn lost(intervals: &[f64], median: f64, jitter: f64) -> Option<Warning> {
 
 /// Jitter of the stamps adds position errors of speed times jitter; jitter of the sampling that the stamps tell of does
 /// no harm. Positions lie on a smooth curve over the right one of both times.
-fn uneven(
-    recording: &Recording,
-    track: &Track,
-    (median, jitter, largest): (f64, f64, f64),
-) -> Option<Warning> {
-    let slip = jitter * median * rms(track.v.iter().copied());
+fn uneven(recording: &Recording, track: &Track, intervals: &Intervals) -> Option<Warning> {
+    let jitter = intervals.jitter;
+    let slip = jitter * intervals.median * rms(track.v.iter().copied());
     if jitter <= EVEN || (slip <= track.position_noise && jitter <= WILD) {
         return None;
     }
@@ -122,33 +114,31 @@ fn uneven(
     Some(Warning::suspect(
         "timing-jitter",
         format!(
-            "The sampling interval of {} scatters by {} (RMS; at most {}); the likely cause: {cause}. {}.",
-            quantity(1e3 * median, "ms"),
-            percent(jitter, None),
-            whole_percent(largest),
+            "{}; the likely cause: {cause}. {}.",
+            scatter(intervals),
             capitalised(next)
         ),
     ))
 }
 
-/// Median distance of a sample from the line through its neighbours, with time by the stamps and by the count.
-fn roughness(t: &[f64], x: &[f64]) -> (f64, f64) {
-    let distance = |share: &dyn Fn(usize) -> f64| {
-        let inner = (1..x.len() - 1).map(|k| {
-            let line = x[k - 1] + (x[k + 1] - x[k - 1]) * share(k);
-            (x[k] - line).abs()
-        });
-        rms_of_most(inner.collect())
-    };
-    let by_stamps = distance(&|k| (t[k] - t[k - 1]) / (t[k + 1] - t[k - 1]));
-    (by_stamps, distance(&|_| 0.5))
+/// What there is to know of stamps that even time was taken for.
+fn evened(intervals: &Intervals) -> Warning {
+    Warning::weak(
+        "timing-jitter",
+        format!(
+            "{}, but the motion is smoother over even time than over the stamps: the samples were even and the stamps are not, as when the host stamps them instead of the drive. Even time was taken in their place; let the drive stamp the samples.",
+            scatter(intervals)
+        ),
+    )
 }
 
-/// RMS of all but the largest tenth: reversals and gaps do not decide, and neither do the many zeros of an encoder.
-fn rms_of_most(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.truncate(values.len() * 9 / 10);
-    rms(values.into_iter())
+fn scatter(intervals: &Intervals) -> String {
+    format!(
+        "The sampling interval of {} scatters by {} (RMS; at most {})",
+        quantity(1e3 * intervals.median, "ms"),
+        percent(intervals.jitter, None),
+        whole_percent(intervals.largest),
+    )
 }
 
 fn capitalised(clause: &str) -> String {
@@ -161,6 +151,7 @@ fn capitalised(clause: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::{lost, unit};
+    use crate::check::stamps::Intervals;
 
     #[test]
     fn milliseconds_as_seconds_are_named() {
@@ -172,12 +163,14 @@ mod tests {
 
     #[test]
     fn a_missing_sample_in_ten_thousand_is_no_matter_and_a_gap_is() {
-        let mut intervals = vec![1e-3; 10_000];
-        assert!(lost(&intervals, 1e-3, 0.0).is_none());
-        intervals[5] = 2e-3;
-        assert!(lost(&intervals, 1e-3, 0.0).is_none());
-        intervals[5] = 8e-3;
-        let text = lost(&intervals, 1e-3, 0.0).unwrap().text;
+        let paused = |pause: f64| {
+            let late = |k| if k > 5 { pause } else { 0.0 };
+            let t: Vec<f64> = (0..10_000).map(|k| 1e-3 * f64::from(k) + late(k)).collect();
+            lost(&Intervals::of(&t))
+        };
+        assert!(paused(0.0).is_none());
+        assert!(paused(1e-3).is_none());
+        let text = paused(7e-3).unwrap().text;
         assert!(
             text.starts_with("7 samples") && text.contains("8.00 ms"),
             "{text}"

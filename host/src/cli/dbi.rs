@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::diagnose::json;
-use super::input::{Input, named};
+use super::input::{Input, named, stretches};
 use super::output::{self, Outputs};
 use super::terminal::Meter;
 use super::windows::Windows;
@@ -53,7 +53,7 @@ impl Command {
         let model = Model::read_to_fit(&self.model)?;
         let recordings = match Input::open(&self.recordings, &model, stream::LONG, &progress)? {
             Input::Memory(recordings) => recordings,
-            Input::Files(files) => stream::stretches(&files)?,
+            Input::Files(files) => stretches(&files)?,
         };
         progress.say("identifying");
         let (bench, identified) = identify(&recordings, &model, self.windows.options()?)

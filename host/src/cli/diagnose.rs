@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
-use super::input::{Input, named};
+use super::input::{Input, named, stretches};
 use super::output::{self, Outputs};
 use super::terminal::Meter;
 use super::windows::Windows;
@@ -102,7 +102,7 @@ impl Command {
         let samples = input.samples();
         let recordings = match input {
             Input::Memory(recordings) => recordings,
-            Input::Files(files) => stream::stretches(&files)?,
+            Input::Files(files) => stretches(&files)?,
         };
         let diagnosed = recordings.iter().map(Recording::len).sum();
         progress.say("fitting the baseline");

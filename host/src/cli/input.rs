@@ -3,9 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use super::terminal::Meter;
+use crate::check::evened;
 use crate::error::{Error, Result};
 use crate::model::Model;
 use crate::recording::{Long, Recording, may_exceed};
+use crate::stream;
 
 /// All recordings of a command.
 pub(super) enum Input {
@@ -14,7 +16,8 @@ pub(super) enum Input {
 }
 
 impl Input {
-    /// Opens recordings: into memory unless they have more than `most` samples together.
+    /// Opens recordings: into memory unless they have more than `most` samples together, and there over even time where that is
+    /// when their samples were taken.
     pub fn open(paths: &[PathBuf], model: &Model, most: usize, meter: &Meter) -> Result<Self> {
         if may_exceed(paths, most) {
             meter.count("reading", None);
@@ -26,7 +29,7 @@ impl Input {
             }
         }
         meter.say("reading");
-        let read = |path: &PathBuf| Recording::read(path, &model.columns, model.motion);
+        let read = |path: &PathBuf| Recording::read(path, &model.columns, model.motion).map(evened);
         paths
             .iter()
             .map(read)
@@ -41,6 +44,12 @@ impl Input {
             Self::Files(recordings) => recordings.iter().map(|r| r.samples).sum(),
         }
     }
+}
+
+/// Stretches of recordings that are read piece by piece, over even time as those in memory.
+pub(super) fn stretches(files: &[Long]) -> Result<Vec<Recording>> {
+    let stretches = stream::stretches(files)?;
+    Ok(stretches.into_iter().map(evened).collect())
 }
 
 /// Names the files that a failed fit was made of.

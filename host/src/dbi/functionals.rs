@@ -207,9 +207,8 @@ mod tests {
                     .map(|t| (1.7 * t).cos() + 0.2 * (5.0 * t).sin())
                     .collect(),
             ),
-            v: None,
-            input_unit: None,
             t,
+            ..Recording::default()
         };
         let model = Model::parse(
             "[plant]\nmotion = \"rotary\"\ninertia = 0.01\n[friction]\nmodel = \"lugre\"\ncoulomb = 0.1\nviscous = 0.02\nstatic = 0.2\nstribeck_velocity = 0.5\nbristle_stiffness = 30\nbristle_damping = 0.1\n[effects.gravity]\namplitude = 0.2\nphase = 0.3\n[effects.delay]\ndelay = 0.004\n[effects.sensor-eccentricity]\namplitude = 0.01\nphase = 0.3\n[effects.compliance]\nload_inertia = 0.004\nantiresonance = 12\ndamping_ratio = 0.1",

@@ -101,9 +101,7 @@ fn unmeasured(t: Vec<f64>, u: Vec<f64>) -> Recording {
         path: "next experiment".into(),
         t,
         u,
-        q: None,
-        v: None,
-        input_unit: None,
+        ..Recording::default()
     }
 }
 

@@ -146,10 +146,8 @@ mod tests {
             u: t.iter()
                 .map(|t| 0.5 * (9.0 * t).sin() + 0.3 * (23.0 * t).sin())
                 .collect(),
-            q: None,
-            v: None,
-            input_unit: None,
             t,
+            ..Recording::default()
         };
         let axis = Axis::new(&truth).unwrap();
         let states = run_axis(&axis, &recording, 0, 1499, State::default());

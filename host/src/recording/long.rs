@@ -181,6 +181,7 @@ impl Long {
             q: has("q").then(Vec::new),
             v: has("v").then(Vec::new),
             input_unit,
+            stamps: None,
         }
     }
 }

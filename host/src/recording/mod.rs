@@ -21,7 +21,7 @@ use table::Source;
 /// One run of one axis, in SI units.
 ///
 /// `u[k]` acts from `t[k]` until `t[k + 1]` (zero-order hold). At least one of `q` and `v` is present.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Recording {
     /// Where it was read from; the report and the messages name it.
     pub path: PathBuf,
@@ -35,6 +35,8 @@ pub struct Recording {
     pub v: Option<Vec<f64>>,
     /// The unit that the header gives `u`, as it stands there.
     pub input_unit: Option<String>,
+    /// The stamps of the samples, where these were not taken then and `t` is even time instead.
+    pub stamps: Option<Vec<f64>>,
 }
 
 impl Recording {

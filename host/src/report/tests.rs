@@ -37,8 +37,7 @@ fn recording_under(load: impl Fn(f64) -> f64) -> Recording {
         t,
         u,
         q: Some(position),
-        v: None,
-        input_unit: None,
+        ..Recording::default()
     }
 }
 

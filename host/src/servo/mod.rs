@@ -197,8 +197,7 @@ impl<'a> Servo<'a> {
             t: self.t[range.clone()].to_vec(),
             u: self.u[range.clone()].to_vec(),
             q: Some(self.samples[range].iter().map(position).collect()),
-            v: None,
-            input_unit: None,
+            ..Recording::default()
         }
     }
 }

@@ -59,8 +59,7 @@ pub(super) fn commission(
         t: record.t,
         u: record.u,
         q: Some(record.q),
-        v: None,
-        input_unit: None,
+        ..Recording::default()
     };
     found(&recording, asked)
         .filter(|model| usable(&model.inertia) && usable(&model.coulomb))

@@ -679,9 +679,8 @@ mod tests {
             path: "rest.csv".into(),
             u: t.iter().map(|t| t.sin()).collect(),
             q: Some(t.iter().map(|&t| q(t)).collect()),
-            v: None,
-            input_unit: None,
             t,
+            ..Recording::default()
         };
         let track = Track::new(&recording, Motion::Rotary, None);
         assert!(track.sliding[1100..1900].iter().all(|&s| s == 0.0));

@@ -23,9 +23,7 @@ fn record(model: &Model, counts: f64, sines: &[(f64, f64)]) -> Recording {
         path: "simulated.csv".into(),
         u: t.iter().map(|&t| drive(t)).collect(),
         t,
-        q: None,
-        v: None,
-        input_unit: None,
+        ..Recording::default()
     };
     let rest = State { q: 0.0, v: 0.0 };
     let states = run_axis(&axis, &recording, 0, recording.len() - 1, rest);
