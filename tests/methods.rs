@@ -302,3 +302,42 @@ bristle_stiffness = 60.0
     };
     assert!(typical(1) < 0.5 * typical(0), "{errors:?}");
 }
+
+/// Bristles that yield at the sliding level have no Stribeck effect, so the static level stops at its bound. The other
+/// parameters must not stop with it.
+#[test]
+fn an_effect_that_the_axis_does_not_have_holds_nothing_up() {
+    const LEVEL: &str = "[plant]
+motion = \"linear\"
+input = \"force\"
+inertia = 12.0
+[friction]
+model = \"lugre\"
+coulomb = 2.9
+viscous = 36.0
+static = 2.9
+stribeck_velocity = 0.0036
+bristle_stiffness = 7200.0
+bristle_damping = 295.0
+";
+    let folder = Folder::new();
+    folder.write("truth.toml", LEVEL);
+    let open = "[plant]\nmotion = \"linear\"\ninput = \"force\"\ngain = 1.0\n[friction]\nmodel = \"lugre\"\n";
+    folder.write("axis.toml", open);
+    for seed in [1, 2] {
+        folder.done(&format!("simulate --model truth.toml --excite multisine --amplitude 0.01 --band 0.1:1 --control pd --duration 30 --rate 1000 --counts 1000000 --noise 0.05 --seed {seed} --out run.csv"));
+        folder.done("identify run.csv --model axis.toml --json out.json");
+        let found = &folder.json("out.json")["parameters"];
+        let value = |name: &str| found[name]["value"].as_f64().expect(name);
+        let truth = [
+            ("inertia", 12.0),
+            ("coulomb", 2.9),
+            ("static", 2.9),
+            ("bristle_stiffness", 7200.0),
+            ("bristle_damping", 295.0),
+        ];
+        for (name, truth) in truth {
+            assert!((value(name) / truth - 1.0).abs() < 0.01, "{name}: {found}");
+        }
+    }
+}

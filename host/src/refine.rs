@@ -13,14 +13,25 @@ use crate::uncertainty;
 /// Most Gauss-Newton steps; from a weak-form start three or four settle it.
 const STEPS: usize = 12;
 
+/// How often a step is halved until it lowers the objective.
+const HALVINGS: i32 = 6;
+
+/// What a refinement ends with.
+pub struct Refined {
+    /// χ².
+    pub chi2: f64,
+    /// The term that all steps would leave with coefficients which physics does not allow, if that is why it ended.
+    pub stopped_by: Option<usize>,
+}
+
 /// Refines all unknown parameters together by Gauss-Newton on the whitened training rows, within their bounds, and
-/// gives each its standard error. Returns χ².
+/// gives each its standard error.
 pub fn refine(
     problem: &Problem,
     model: &mut Model,
     noise: &Noise,
     blocks: &[Option<usize>],
-) -> f64 {
+) -> Refined {
     descend(model, noise, blocks, &|model| {
         counted(problem, model, noise, blocks)
     })
@@ -90,24 +101,26 @@ pub fn sensitivities(problem: &Problem, model: &Model) -> Vec<Vec<f64>> {
         .collect()
 }
 
-/// The normal equations at the estimates, and χ².
+/// The normal equations at the estimates, and how it ended.
 fn descend(
     model: &mut Model,
     noise: &Noise,
     blocks: &[Option<usize>],
     evaluate: &(impl Fn(&Model) -> DVector<f64> + Sync),
-) -> (Normal, f64) {
+) -> (Normal, Refined) {
     let objective = Objective {
         evaluate,
         encoder_energy: noise.encoder_energy,
     };
     let mut current = evaluate(model);
+    let mut stopped_by = None;
     for _ in 0..STEPS {
         let Some(step) = objective.gauss_newton(model, &current) else {
             break;
         };
         let before = objective.value(model, &current);
         let Some((next, after)) = objective.line_search(model, &step, before) else {
+            stopped_by = inadmissible(&stepped(model, &step, 0.5_f64.powi(HALVINGS - 1)));
             break;
         };
         *model = next;
@@ -121,7 +134,7 @@ fn descend(
     let normal = sums(model, &current, &clusters, evaluate);
     uncertainty::assess(model, &free_parameters(model), &normal);
     let chi2 = objective.value(model, &current);
-    (normal, chi2)
+    (normal, Refined { chi2, stopped_by })
 }
 
 /// Normal equations of the rows of a problem that have a cluster, at the present values of a model.
@@ -220,7 +233,7 @@ impl<F: Fn(&Model) -> DVector<f64> + Sync> Objective<'_, F> {
         before: f64,
     ) -> Option<(Model, DVector<f64>)> {
         let mut length = 1.0;
-        for _ in 0..6 {
+        for _ in 0..HALVINGS {
             if let Some(next) = moved(model, step, length) {
                 let after = (self.evaluate)(&next);
                 if self.value(&next, &after) < before {
@@ -235,11 +248,15 @@ impl<F: Fn(&Model) -> DVector<f64> + Sync> Objective<'_, F> {
 
 /// The model some share of a step on, its bounds kept by projection; `None` where that is not physical.
 pub fn moved(model: &Model, step: &[(usize, f64)], share: f64) -> Option<Model> {
+    Some(stepped(model, step, share)).filter(is_physical)
+}
+
+fn stepped(model: &Model, step: &[(usize, f64)], share: f64) -> Model {
     let mut next = model.clone();
     for &(k, s) in step {
         next.move_to(k, next.parameters()[k].value.unwrap_or(0.0) + share * s);
     }
-    is_physical(&next).then_some(next)
+    next
 }
 
 /// Position of the gain among [`Model::parameters`].

@@ -19,7 +19,7 @@ use crate::model::{Causality, Model, Parameter};
 use crate::noise::Noise;
 use crate::problem::{Direction, Problem};
 use crate::recording::Recording;
-use crate::refine;
+use crate::refine::{self, Refined};
 use crate::scan::{self, Ground, Inertias, Setting};
 use crate::system::{self, System};
 use crate::weak::{Balance, Part, Track};
@@ -258,12 +258,20 @@ impl Workbench {
                 model.move_to(k, value);
             }
         }
-        let chi2 = refine::refine(&self.problem, &mut model, &self.noise, &self.blocks);
+        let Refined { chi2, stopped_by } =
+            refine::refine(&self.problem, &mut model, &self.noise, &self.blocks);
         // What is allowed depends on other parameters, which have moved: a load is part of the inertia.
-        match system::inadmissible(&model) {
-            Some(term) => self.with_nothing_of(term, &model),
-            None => Ok((model, chi2)),
+        if let Some(term) = system::inadmissible(&model) {
+            return self.with_nothing_of(term, &model);
         }
+        // At a bound that no step may cross, the others have not come to rest.
+        if let Some(term) = stopped_by {
+            let rest = self.with_nothing_of(term, &model)?;
+            if rest.1 < chi2 {
+                return Ok(rest);
+            }
+        }
+        Ok((model, chi2))
     }
 
     /// Gives the linear parameters of a model their values.
