@@ -221,29 +221,41 @@ fn search(
             ..Scope::usual(bench)
         };
         let usual = confirmed(&scope, before, &nothing, recordings, progress)?;
-        let (selection, fine) = sharpened(&scope, before, usual, recordings, progress)?;
-        let mut settled = selection.1.clone();
-        match &fine {
-            Some(fast) => settled = fast.settle(bench, &settled, recordings)?,
-            None if !selection.0.is_empty() => bench.settle(&mut settled, recordings),
-            None => {}
+        let mut settled = usual.1.clone();
+        if !usual.0.is_empty() {
+            bench.settle(&mut settled, recordings);
         }
-        let added = settled.terms[before.terms.len()..].iter();
-        let (nuisances, named): (Vec<_>, Vec<_>) = added.partition(|t| t.effect.nuisance());
-        let slight = system::lost(&bench.problem, &settled).is_some_and(trial::negligible);
-        let gap = (named.iter().copied()).find(|t| slight && t.effect.divides());
-        let doubts = named.iter().filter_map(|t| Some((told::doubt(t)?, *t)));
-        let doubtful = doubts.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, t)| t);
-        let Some(doubtful) = gap.or(doubtful) else {
-            return Ok(Found {
-                selection,
-                fine,
-                settled,
-            });
-        };
-        // An effect may be in doubt only because a nuisance stands beside it.
-        refuted.push(nuisances.first().unwrap_or(&doubtful).effect.id());
+        if let Some(id) = refuted_by_itself(bench, &settled, before) {
+            refuted.push(id);
+            continue;
+        }
+        let (selection, fine) = sharpened(&scope, before, usual, recordings, progress)?;
+        if let Some(fast) = &fine {
+            settled = fast.settle(bench, &selection.1, recordings)?;
+            if let Some(id) = refuted_by_itself(bench, &settled, before) {
+                refuted.push(id);
+                continue;
+            }
+        }
+        return Ok(Found {
+            selection,
+            fine,
+            settled,
+        });
     }
+}
+
+/// The effect that a settled model has beyond a baseline and whose own errors refute it most: an effect may be in doubt only
+/// because a nuisance stands beside it, which then goes first.
+fn refuted_by_itself(bench: &Workbench, settled: &Model, before: &Model) -> Option<&'static str> {
+    let added = settled.terms[before.terms.len()..].iter();
+    let (nuisances, named): (Vec<_>, Vec<_>) = added.partition(|t| t.effect.nuisance());
+    let slight = system::lost(&bench.problem, settled).is_some_and(trial::negligible);
+    let gap = (named.iter().copied()).find(|t| slight && t.effect.divides());
+    let doubts = named.iter().filter_map(|t| Some((told::doubt(t)?, *t)));
+    let doubtful = doubts.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, t)| t);
+    let refuted = gap.or(doubtful)?;
+    Some(nuisances.first().unwrap_or(&refuted).effect.id())
 }
 
 fn unexplained(leftover: &Leftover) -> Unexplained {

@@ -20,7 +20,7 @@ use crate::noise::Noise;
 use crate::problem::{Direction, Problem};
 use crate::recording::Recording;
 use crate::refine::{self, Refined};
-use crate::scan::{self, Ground, Inertias, Setting};
+use crate::scan::{self, Ground, Inertias, Memo, Setting};
 use crate::system::{self, System};
 use crate::weak::{Balance, Part, Track};
 
@@ -55,6 +55,8 @@ pub struct Workbench {
     slowest: f64,
     /// The same windows on velocities smoothed half as wide, with their blocks, made when first asked for.
     finer: OnceLock<(Problem, Vec<Option<usize>>)>,
+    /// What terms did on models before.
+    memo: Memo,
 }
 
 /// What the user decides instead of the tool.
@@ -186,6 +188,7 @@ impl Workbench {
             inertias,
             slowest: 0.0,
             finer: OnceLock::new(),
+            memo: Memo::default(),
         })
     }
 
@@ -233,6 +236,7 @@ impl Workbench {
         let (residual, unknowns) =
             follow_everything(&self.problem, &system, &self.dictionary, &self.blocks)?;
         self.noise = Noise::estimate(&self.problem, &residual, unknowns, &self.blocks);
+        self.memo = Memo::default();
         Ok(())
     }
 
@@ -389,6 +393,7 @@ impl Workbench {
             blocks: &self.blocks,
             inertias: self.inertias,
             slowest: self.slowest,
+            memo: &self.memo,
         };
         Ground::new(setting, model)
     }

@@ -2,6 +2,7 @@
 
 mod interval;
 mod line;
+mod memo;
 
 use rayon::prelude::*;
 
@@ -14,6 +15,7 @@ use crate::problem::{Column, Problem};
 use crate::projection::Projection;
 use crate::system::{self, System};
 use crate::weak::Part;
+pub use memo::Memo;
 
 /// What the recordings give, whatever the model.
 #[derive(Clone, Copy)]
@@ -28,6 +30,8 @@ pub struct Setting<'a> {
     pub inertias: Option<Inertias>,
     /// Hz from which on lines are sought.
     pub slowest: f64,
+    /// What was found before, on these rows and with this noise.
+    pub memo: &'a Memo,
 }
 
 /// A model with numbers, its whitened system and its score: what one more term is measured against.
@@ -56,6 +60,7 @@ pub struct Inertias {
 }
 
 /// The best that a term can do.
+#[derive(Clone)]
 pub struct Found {
     /// Its inner parameters.
     pub inner: Inner,
@@ -89,11 +94,12 @@ impl<'a> Ground<'a> {
     /// The best that a term can do, its unknown inner parameters free within their bounds; `None` if no value of its
     /// parameters is physical.
     pub fn best(&self, term: &Term) -> Result<Option<Found>> {
-        match term.effect.search() {
+        let search = || match term.effect.search() {
             Search::Grid => self.on_grid(term),
             Search::Interval => self.in_time(term),
             Search::Line => self.on_line(term),
-        }
+        };
+        self.setting.memo.recall(self.model, term, search)
     }
 
     fn on_grid(&self, term: &Term) -> Result<Option<Found>> {
