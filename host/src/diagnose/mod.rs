@@ -36,8 +36,8 @@ use select::{Scope, Selected, Selection};
 use sharpen::{Fast, sharpened};
 use trial::Trial;
 
-/// A model whose free run errs by more than this share of the motion on both parts is not adequate, whatever the weak
-/// form can tell apart.
+/// A model whose free run errs by more than this share of the motion on both parts explains nothing, whatever the weak form can
+/// tell apart.
 const HOPELESS: f64 = 0.5;
 
 /// Share of what generic functions gain that the named effects must reach: below it, the names are not the physics.
@@ -99,8 +99,8 @@ pub fn diagnose(
     // What windows of the usual width do not show is told by those that do.
     let fine = fine.filter(|_| !selected.is_empty());
     let bench = fine.as_ref().map_or(bench, |fast| &fast.bench);
-    let hopeless =
-        selected.is_empty() && baseline.fit.train.nrmse.min(baseline.fit.held_out.nrmse) > HOPELESS;
+    let (mut findings, after_fit) = findings(bench, baseline, &selected, &after, recordings)?;
+    let hopeless = after_fit.train.nrmse.min(after_fit.held_out.nrmse) > HOPELESS;
     let verdict = if significant || nameless || departs || hopeless || given.is_some() {
         Verdict::Unknown
     } else if selected.is_empty() {
@@ -108,7 +108,6 @@ pub fn diagnose(
     } else {
         Verdict::Explained
     };
-    let (mut findings, after_fit) = findings(bench, baseline, &selected, &after, recordings)?;
     let mut warnings = check::warnings(bench, before, recordings);
     warnings.extend(creep.map(|term| check::creeps(&term, after.motion)));
     let suspect = warnings.iter().any(contradicts);
@@ -372,7 +371,14 @@ fn verdict_sentence(
         }
         Verdict::Unknown => {
             let Some(unexplained) = remains else {
-                return "The model hardly predicts the motion, and the recording is too noisy or too uniform to tell what is left out: record again with both directions, several speeds and reversals.".to_owned();
+                let even = if names.is_empty() {
+                    String::new()
+                } else {
+                    format!(", even with {} in", names.join("; "))
+                };
+                return format!(
+                    "The model hardly predicts the motion{even}, and the recording is too noisy or too uniform to tell what is left out: record again with both directions, several speeds and reversals."
+                );
             };
             let coordinate = unexplained
                 .coordinates
