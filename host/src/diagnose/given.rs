@@ -42,7 +42,7 @@ pub(super) fn refuted(
         let show = |value, se| format::parameter(value, se, labels[*k].unit);
         ((found - value).abs() > TOLD * se).then(|| {
             format!(
-                "{} is given as {} and comes out as {}",
+                "{} is {} and comes out as {}",
                 labels[*k].name,
                 show(value, None),
                 show(found, Some(se))

@@ -324,7 +324,7 @@ fn take_nuisance(
 /// What to say of friction that the model file gives wrongly.
 fn given_sentence(given: &str) -> String {
     format!(
-        "The friction that the model file gives does not hold: {given}. Correct it or write \"?\" in its place, and diagnose again; until then, what else is left out cannot be told from it."
+        "The friction that the model file gives, or the law by itself where the file says nothing, does not hold: {given}. Write another value or \"?\" into [friction], and diagnose again; until then, what else is left out cannot be told from it."
     )
 }
 
