@@ -4,10 +4,22 @@ use super::Workbench;
 use crate::model::{Model, Parameter, Term};
 use crate::system;
 
+/// Breakaway distances to go on from: neighbours on the grid lie a factor of 1.7 apart, so three reach from one side of an
+/// optimum to the other.
+const STARTS: usize = 3;
+
 impl Workbench {
-    /// The last step of the hierarchy: the breakaway distance of bristles that fits best, together with the Stribeck
-    /// velocity where that is unknown. `None` where there is nothing to find, or nothing that physics allows.
-    pub(super) fn bend(&self, model: &Model) -> Option<Model> {
+    /// The last step of the hierarchy: the breakaway distances of bristles that fit best, each with the Stribeck velocity
+    /// that goes best with it where that is unknown, the best first. The model itself where there is nothing to find.
+    ///
+    /// They are more than one since each bends the bristles with the ratio of levels that it begins with, not with that which
+    /// it ends with: only refinement tells which of them is best.
+    pub(super) fn bend(&self, model: &Model) -> Vec<Model> {
+        self.bent(model).unwrap_or_else(|| vec![model.clone()])
+    }
+
+    /// `None` where there is nothing to find, or nothing that physics allows.
+    fn bent(&self, model: &Model) -> Option<Vec<Model>> {
         let bristles = model.bristle_term()?;
         let free = |term: usize| {
             let inner = model.terms[term].effect.inner()?;
@@ -33,8 +45,9 @@ impl Workbench {
             let grid = model.terms[k].effect.grid(&survey).into_iter();
             grid.map(|v| Some((k, inner, v))).collect()
         });
-        let mut best: Option<(f64, Model)> = None;
+        let mut found: Vec<(f64, Model)> = Vec::new();
         for start in model.terms[bristles].effect.grid(&survey) {
+            let mut best: Option<(f64, Model)> = None;
             for velocity in &velocities {
                 let mut model = scaled.clone();
                 model.terms[bristles].parameters[stiffness].value = Some(start);
@@ -51,9 +64,12 @@ impl Workbench {
                     best = Some((chi2, model));
                 }
             }
+            found.extend(best);
         }
-        if let Some((_, model)) = best {
-            return Some(model);
+        if !found.is_empty() {
+            found.sort_by(|a, b| a.0.total_cmp(&b.0));
+            found.truncate(STARTS);
+            return Some(found.into_iter().map(|(_, model)| model).collect());
         }
         // Nothing shows them: next to stiff, with an error without bound.
         let mut stiff = model.clone();
@@ -69,7 +85,7 @@ impl Workbench {
                 (parameter.value, parameter.se) = (Some(value), Some(f64::INFINITY));
             }
         }
-        Some(stiff)
+        Some(vec![stiff])
     }
 
     /// The linear parameters of a model with given bristles, these without damping if it would be negative.

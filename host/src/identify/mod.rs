@@ -11,11 +11,11 @@ mod width;
 use std::sync::OnceLock;
 
 use crate::dictionary::Dictionary;
-use crate::effects::{self, Path};
+use crate::effects::{self, Path, Survey};
 use crate::error::{Error, Result};
 use crate::fit::{self, Fit};
 use crate::linear;
-use crate::model::{Causality, Model, Parameter};
+use crate::model::{Causality, Model, Parameter, Term};
 use crate::noise::Noise;
 use crate::problem::{Direction, Problem};
 use crate::recording::Recording;
@@ -244,9 +244,18 @@ impl Workbench {
     pub fn estimate(&self, model: &Model) -> Result<(Model, f64)> {
         let mut model = self.scan(with_starts(&self.problem, model))?;
         self.solve(&mut model)?;
-        if let Some(bent) = self.bend(&model) {
-            model = bent;
+        let mut best: Option<(Model, f64)> = None;
+        for start in self.bend(&model) {
+            let refined = self.refined(start)?;
+            if best.as_ref().is_none_or(|(_, chi2)| refined.1 < *chi2) {
+                best = Some(refined);
+            }
         }
+        best.ok_or_else(|| Error::Internal("nothing to begin with".to_owned()))
+    }
+
+    /// The joint refinement of all unknown parameters from where they are, within what physics allows.
+    fn refined(&self, mut model: Model) -> Result<(Model, f64)> {
         let moving = model.parameters()[model.moving_inertia()];
         if moving.value.is_some_and(|j| j <= 0.0) && !moving.known {
             return self.with_inertia(self.fallback_inertia(&model)?, model);
@@ -324,6 +333,12 @@ impl Workbench {
     fn with_nothing_of(&self, term: usize, model: &Model) -> Result<(Model, f64)> {
         let mut rest = model.clone();
         let mut absent = rest.terms.remove(term);
+        // Of nothing no place is better than another; what comes later begins in the middle.
+        if let Some(inner) = absent.effect.inner().filter(|_| !absent.bends()) {
+            let middle = middle(&absent, inner, &self.problem.survey(model));
+            let parameter = &mut absent.parameters[inner];
+            parameter.value = parameter.value.filter(|_| parameter.known).or(Some(middle));
+        }
         let (mut rest, chi2) = self.estimate(&rest)?;
         let (effect, scale) = (absent.effect, rest.scale());
         let (inner, _) = effect.linear(&system::values(&absent), scale);
@@ -409,16 +424,20 @@ fn with_starts(problem: &Problem, model: &Model) -> Model {
             let parameter = &mut term.parameters[shape];
             parameter.value = Some(parameter.value.unwrap_or_else(|| parameter.clamp(start)));
         }
-        if let Some(inner) = term.effect.inner() {
-            let stiff = term.bends();
-            let parameter = &mut term.parameters[inner];
-            if parameter.value.is_none() && !stiff {
-                let grid = term.effect.grid(&survey);
-                parameter.value = Some(parameter.clamp(grid[grid.len() / 2]));
-            }
+        if let Some(inner) = term.effect.inner()
+            && term.parameters[inner].value.is_none()
+            && !term.bends()
+        {
+            term.parameters[inner].value = Some(middle(term, inner, &survey));
         }
     }
     model
+}
+
+/// The middle of the grid that the inner parameter of a term is sought on, within its bounds.
+fn middle(term: &Term, inner: usize, survey: &Survey) -> f64 {
+    let grid = term.effect.grid(survey);
+    term.parameters[inner].clamp(grid[grid.len() / 2])
 }
 
 /// Relative ridge on generic columns, some of which add up to columns of the model.
