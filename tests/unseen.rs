@@ -310,10 +310,7 @@ fn friction_that_the_file_gives_wrongly_is_said_so() {
         let json = diagnosed_of(PLAIN, &given(wrong), options);
         let text = json["text"].as_str().unwrap_or_default();
         assert_eq!(json["verdict"], "unknown", "{text}");
-        assert!(
-            text.contains(&format!("coulomb is {wrong} ")),
-            "{text}"
-        );
+        assert!(text.contains(&format!("coulomb is {wrong} ")), "{text}");
         assert_eq!(json["findings"], serde_json::json!([]));
     }
     let right = diagnosed_of(PLAIN, &given("0.12"), options);
