@@ -1,7 +1,8 @@
 //! A look at recordings before their fit is trusted: warnings in plain words, with what was seen, the likely cause and
 //! what to do next.
 //!
-//! Warnings change no result and no exit status; the one thing that is put right is time, by [`evened`]. What cannot be fitted at all is an error elsewhere.
+//! Warnings change no result and no exit status; the one thing that is put right is time, by [`evened`]. What cannot be fitted
+//! at all is an error elsewhere.
 
 mod agreement;
 mod encoder;

@@ -26,7 +26,7 @@ pub(super) fn check(recording: &Recording, track: &Track) -> Vec<Warning> {
     warnings.extend(unit(intervals.median));
     warnings.extend(lost(&intervals));
     warnings.extend(if recording.stamps.is_some() {
-        Some(evened(&intervals))
+        Some(put_right(&intervals))
     } else {
         uneven(recording, track, &intervals)
     });
@@ -122,7 +122,7 @@ fn uneven(recording: &Recording, track: &Track, intervals: &Intervals) -> Option
 }
 
 /// What there is to know of stamps that even time was taken for.
-fn evened(intervals: &Intervals) -> Warning {
+fn put_right(intervals: &Intervals) -> Warning {
     Warning::weak(
         "timing-jitter",
         format!(

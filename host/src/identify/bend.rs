@@ -4,8 +4,7 @@ use super::Workbench;
 use crate::model::{Model, Parameter, Term};
 use crate::system;
 
-/// Breakaway distances to go on from: neighbours on the grid lie a factor of 1.7 apart, so three reach from one side of an
-/// optimum to the other.
+/// Breakaway distances to go on from: the optimum lies between two neighbours on the grid, and a third may pass for the best.
 const STARTS: usize = 3;
 
 impl Workbench {

@@ -244,14 +244,14 @@ impl Workbench {
     pub fn estimate(&self, model: &Model) -> Result<(Model, f64)> {
         let mut model = self.scan(with_starts(&self.problem, model))?;
         self.solve(&mut model)?;
-        let mut best: Option<(Model, f64)> = None;
-        for start in self.bend(&model) {
-            let refined = self.refined(start)?;
-            if best.as_ref().is_none_or(|(_, chi2)| refined.1 < *chi2) {
-                best = Some(refined);
-            }
-        }
-        best.ok_or_else(|| Error::Internal("nothing to begin with".to_owned()))
+        let refined = self.bend(&model).into_iter().map(|s| self.refined(s));
+        // A start that leads nowhere is no reason to give up the others.
+        let best = refined.reduce(|best, other| match (&best, &other) {
+            (Ok((_, least)), Ok((_, chi2))) if chi2 < least => other,
+            (Err(_), Ok(_)) => other,
+            _ => best,
+        });
+        best.unwrap_or_else(|| Err(Error::Internal("nothing to begin with".to_owned())))
     }
 
     /// The joint refinement of all unknown parameters from where they are, within what physics allows.
