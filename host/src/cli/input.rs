@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::terminal::Meter;
 use crate::check::evened;
 use crate::error::{Error, Result};
-use crate::model::Model;
+use crate::model::{Causality, Model};
 use crate::recording::{Long, Recording, may_exceed};
 use crate::stream;
 
@@ -19,17 +19,25 @@ impl Input {
     /// Opens recordings: into memory unless they have more than `most` samples together, and there over even time where that is
     /// when their samples were taken.
     pub fn open(paths: &[PathBuf], model: &Model, most: usize, meter: &Meter) -> Result<Self> {
+        let sampled = model.causality == Causality::Inverse;
         if may_exceed(paths, most) {
             meter.count("reading", None);
             let scan =
                 |path: &PathBuf| Long::scan(path, &model.columns, model.motion, &|n| meter.add(n));
-            let long = paths.iter().map(scan).collect::<Result<Vec<Long>>>()?;
+            let mut long = paths.iter().map(scan).collect::<Result<Vec<Long>>>()?;
+            long.iter_mut().for_each(|r| r.sampled = sampled);
             if long.iter().map(|r| r.samples).sum::<usize>() > most {
                 return Ok(Self::Files(long));
             }
         }
         meter.say("reading");
-        let read = |path: &PathBuf| Recording::read(path, &model.columns, model.motion).map(evened);
+        let read = |path: &PathBuf| -> Result<Recording> {
+            let recording = evened(Recording::read(path, &model.columns, model.motion)?);
+            Ok(Recording {
+                sampled,
+                ..recording
+            })
+        };
         paths
             .iter()
             .map(read)

@@ -25,6 +25,8 @@ pub struct Long {
     pub end: f64,
     /// Median pause between samples, s.
     pub period: f64,
+    /// See [`Recording::sampled`].
+    pub sampled: bool,
     columns: Columns,
     motion: Motion,
     content: Content,
@@ -122,6 +124,7 @@ impl Long {
             start,
             end,
             period,
+            sampled: false,
             columns: source.columns.clone(),
             motion: source.motion,
             content,
@@ -180,6 +183,7 @@ impl Long {
             u: Vec::new(),
             q: has("q").then(Vec::new),
             v: has("v").then(Vec::new),
+            sampled: self.sampled,
             input_unit,
             stamps: None,
         }

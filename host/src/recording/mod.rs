@@ -20,7 +20,7 @@ use table::Source;
 
 /// One run of one axis, in SI units.
 ///
-/// `u[k]` acts from `t[k]` until `t[k + 1]` (zero-order hold). At least one of `q` and `v` is present.
+/// `u[k]` acts from `t[k]` until `t[k + 1]` (zero-order hold) unless it is [`Recording::sampled`]. At least one of `q` and `v` is present.
 #[derive(Clone, Debug, Default)]
 pub struct Recording {
     /// Where it was read from; the report and the messages name it.
@@ -33,6 +33,9 @@ pub struct Recording {
     pub q: Option<Vec<f64>>,
     /// Measured velocity, rad/s or m/s.
     pub v: Option<Vec<f64>>,
+    /// Whether `u` was measured at the instants of the samples, as the force of an imposed motion is, rather than held from each
+    /// to the next, as a command is.
+    pub sampled: bool,
     /// The unit that the header gives `u`, as it stands there.
     pub input_unit: Option<String>,
     /// The stamps of the samples, where these were not taken then and `t` is even time instead.

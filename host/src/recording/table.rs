@@ -83,6 +83,7 @@ impl Source<'_> {
             u: values.remove("u").unwrap_or_default(),
             q: values.remove("q"),
             v: values.remove("v"),
+            sampled: false,
             stamps: None,
         }
     }

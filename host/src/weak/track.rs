@@ -106,7 +106,7 @@ pub struct Balance {
     pub coulomb: f64,
 }
 
-/// A signal held between its samples.
+/// A signal held from each sample to the next: see [`held_like`].
 #[derive(Clone, Debug)]
 struct Held {
     t: Vec<f64>,
@@ -134,6 +134,17 @@ const AT_REST: f64 = 0.02;
 const GAP: f64 = 5.0;
 /// Timing within this share of an interval counts as uniform.
 const JITTER: f64 = 0.02;
+
+/// What to hold from each sample to the next: the input itself, or its mean there if that is a straight line between samples.
+fn held_like(recording: &Recording) -> Vec<f64> {
+    let mut u = recording.u.clone();
+    if recording.sampled {
+        for (k, pair) in recording.u.windows(2).enumerate() {
+            u[k] = 0.5 * (pair[0] + pair[1]);
+        }
+    }
+    u
+}
 
 impl Track {
     /// Resamples and smooths a recording of an axis that moves by `motion`. Where something is known of its `balance`,
@@ -172,7 +183,7 @@ impl Track {
         };
         let input = Held {
             t: t.clone(),
-            u: recording.u.clone(),
+            u: held_like(recording),
             fresh: false,
         };
         let mut track = Self {
