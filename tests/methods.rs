@@ -341,3 +341,34 @@ bristle_damping = 295.0
         }
     }
 }
+
+/// An axis without a drift or a Stribeck effect leaves either anywhere: no further out than the recording shows, and said so.
+#[test]
+fn what_is_not_there_stays_within_reach() {
+    const SECONDS: f64 = 10.0;
+    let folder = Folder::new();
+    folder.write("truth.toml", cli::PLAIN);
+    let found = |effect: &str, seed: u32| {
+        folder.write(
+            "axis.toml",
+            format!("{}[effects.{effect}]\n", cli::BASELINE),
+        );
+        folder.done(&format!("simulate --model truth.toml --excite multisine --amplitude 0.4 --band 0.2:3 --duration {SECONDS} --rate 1000 --counts 65536 --noise 0.01 --seed {seed} --out run.csv"));
+        folder.done("identify run.csv --model axis.toml --json out.json");
+        folder.json("out.json")["parameters"].clone()
+    };
+    let drift = found("thermal-drift", 5);
+    let time = &drift["thermal-drift.time_constant"];
+    let slowest = 2.0 * 3.0 * SECONDS;
+    assert!(
+        time["value"].as_f64().is_some_and(|t| t < 1.01 * slowest),
+        "{drift}"
+    );
+    assert_eq!(time["status"], "at a bound", "{drift}");
+    let fall = found("stribeck", 2);
+    assert_eq!(
+        fall["stribeck.static"]["value"], fall["coulomb"]["value"],
+        "{fall}"
+    );
+    assert_eq!(fall["stribeck.static"]["status"], "at a bound", "{fall}");
+}

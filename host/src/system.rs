@@ -307,17 +307,21 @@ impl System {
         model.parameters_mut()[moving].value = moved;
         let measure = model.scale();
         let mut admissible = scale > 0.0;
+        let level_holds = level_holds(model);
         for (term, coefficients) in model.terms.iter_mut().zip(&coefficients) {
             if term.parameters.iter().all(|p| p.known) {
                 continue;
             }
-            admissible &= allowed(term.effect, coefficients, moved);
+            admissible &=
+                allowed(term.effect, coefficients, moved) && (!term.falls() || level_holds);
             let (inner, _) = term.effect.linear(&values(term), measure);
             let named = term.effect.named(inner, coefficients, measure);
             let scanned = term.effect.inner();
             for (k, (parameter, value)) in term.parameters.iter_mut().zip(named).enumerate() {
                 if !parameter.known && Some(k) != scanned {
                     parameter.value = Some(value);
+                    let (least, most) = term.effect.parameters()[k].bounds;
+                    admissible &= (least..=most).contains(&value);
                 }
             }
         }
@@ -586,12 +590,27 @@ fn allowed(effect: &dyn Effect, coefficients: &[f64], inertia: Option<f64>) -> b
     carried && effect.admissible(coefficients)
 }
 
+/// Whether friction that falls with speed falls to a level that opposes motion, as far as the level is estimated: a fall by more
+/// than all there is only bends the curve to what else is left out.
+fn level_holds(model: &Model) -> bool {
+    let level = &model.coulomb;
+    level.known || level.value.is_none_or(|level| level >= 0.0)
+}
+
+/// Whether a term was estimated and came to nothing.
+pub fn absent(model: &Model, term: usize) -> bool {
+    let term = &model.terms[term];
+    let (_, coefficients) = term.effect.linear(&values(term), model.scale());
+    let estimated = term.parameters.iter().all(|p| p.value.is_some());
+    estimated && term.effect.width() > 0 && coefficients.iter().all(|c| *c == 0.0)
+}
+
 /// The first estimated term whose coefficients physics does not allow.
 pub fn inadmissible(model: &Model) -> Option<usize> {
     let (scale, inertia) = (model.scale(), model.parameters()[model.moving_inertia()]);
     let allowed = |t: &Term| {
         let (_, coefficients) = t.effect.linear(&values(t), scale);
-        allowed(t.effect, &coefficients, inertia.value)
+        allowed(t.effect, &coefficients, inertia.value) && (!t.falls() || level_holds(model))
     };
     model
         .terms

@@ -23,6 +23,9 @@
 use super::{Confusion, Effect, FREE, Inner, Motion, Point, Quantity, Scale, Spec};
 use crate::format::significant;
 
+/// Largest share that may be lost: close to one it says that nothing gets through, which fits any motion that follows the drive.
+const MOST_LOST: f64 = 0.95;
+
 pub(super) struct LoadDependentFriction;
 
 impl Effect for LoadDependentFriction {
@@ -36,7 +39,7 @@ impl Effect for LoadDependentFriction {
         include_str!("load_dependent_friction.rs")
     }
     fn parameters(&self) -> &'static [Spec] {
-        const { &[Spec::within("ratio", Quantity::Number, (0.0, 1.0))] }
+        const { &[Spec::within("ratio", Quantity::Number, (0.0, MOST_LOST))] }
     }
     fn confusions(&self) -> &'static [Confusion] {
         const {

@@ -8,14 +8,15 @@ mod twin;
 mod way;
 mod width;
 
+use std::borrow::Cow;
 use std::sync::OnceLock;
 
 use crate::dictionary::Dictionary;
-use crate::effects::{self, Path, Survey};
+use crate::effects::{self, Path, Search, Survey};
 use crate::error::{Error, Result};
 use crate::fit::{self, Fit};
 use crate::linear;
-use crate::model::{Causality, Model, Parameter, Term};
+use crate::model::{Causality, Model, Parameter, Status, Term};
 use crate::noise::Noise;
 use crate::problem::{Direction, Problem};
 use crate::recording::Recording;
@@ -30,6 +31,10 @@ pub use width::{Tried, Width};
 
 /// Rows that a fit needs at least.
 const FEWEST_ROWS: usize = 40;
+
+/// How far beyond the ends of its grid a fit may take an inner parameter, as a factor: the grid covers what a recording can show,
+/// and further out a term is another one, as a load on no spring is a smaller inertia.
+const BEYOND: f64 = 2.0;
 
 /// Time that the axis may rest at reversals without its positions showing it, as a share of all, from which on the drive
 /// is asked: it then biases the Coulomb level by as much.
@@ -254,8 +259,19 @@ impl Workbench {
         best.unwrap_or_else(|| Err(Error::Internal("nothing to begin with".to_owned())))
     }
 
-    /// The joint refinement of all unknown parameters from where they are, within what physics allows.
+    /// The joint refinement of all unknown parameters from where they are, within what physics allows and the recordings show.
     fn refined(&self, mut model: Model) -> Result<(Model, f64)> {
+        let own: Vec<_> = model.parameters().iter().map(|p| (p.min, p.max)).collect();
+        keep_in_reach(&self.problem, &mut model);
+        let (mut model, chi2) = self.descended(model)?;
+        for (parameter, bounds) in model.parameters_mut().into_iter().zip(own) {
+            (parameter.min, parameter.max) = bounds;
+        }
+        Ok((model, chi2))
+    }
+
+    /// The same within the bounds that the parameters have.
+    fn descended(&self, mut model: Model) -> Result<(Model, f64)> {
         let moving = model.parameters()[model.moving_inertia()];
         if moving.value.is_some_and(|j| j <= 0.0) && !moving.known {
             return self.with_inertia(self.fallback_inertia(&model)?, model);
@@ -340,16 +356,54 @@ impl Workbench {
             parameter.value = parameter.value.filter(|_| parameter.known).or(Some(middle));
         }
         let (mut rest, chi2) = self.estimate(&rest)?;
+        if let Some(elsewhere) = self.elsewhere(term, model, &rest, chi2)? {
+            return Ok(elsewhere);
+        }
         let (effect, scale) = (absent.effect, rest.scale());
         let (inner, _) = effect.linear(&system::values(&absent), scale);
         let named = effect.named(inner, &vec![0.0; effect.width()], scale);
         for (parameter, value) in absent.parameters.iter_mut().zip(named) {
             if !parameter.known {
                 (parameter.value, parameter.se) = (Some(value), Some(f64::INFINITY));
+                parameter.status = Status::AtBound;
             }
         }
         rest.terms.insert(term, absent);
         Ok((rest, chi2))
+    }
+
+    /// The model with one of its terms where it does most on the rest of the model, of a given χ², if it takes something off
+    /// that there: next to another effect that was found later it may be another one.
+    fn elsewhere(
+        &self,
+        term: usize,
+        model: &Model,
+        rest: &Model,
+        chi2: f64,
+    ) -> Result<Option<(Model, f64)>> {
+        let of = &model.terms[term];
+        let scanned = of.effect.inner().filter(|_| !of.bends());
+        if scanned.is_none_or(|k| of.parameters[k].known) {
+            return Ok(None);
+        }
+        let found = match self.ground(rest)? {
+            Some(ground) => ground.best(&of.forgotten())?,
+            None => None,
+        };
+        let Some(found) = found.filter(|f| f.score.chi2 < chi2) else {
+            return Ok(None);
+        };
+        let mut next = rest.clone();
+        next.terms.insert(term, of.forgotten());
+        scan::set_inner(&mut next.terms[term], found.inner);
+        self.solve(&mut next)?;
+        if system::inadmissible(&next).is_some() {
+            return Ok(None);
+        }
+        let Refined { chi2: less, .. } =
+            refine::refine(&self.problem, &mut next, &self.noise, &self.blocks);
+        let holds = less < chi2 && system::inadmissible(&next).is_none();
+        Ok(holds.then_some((next, less)))
     }
 
     /// Estimates and judges a model.
@@ -384,7 +438,8 @@ impl Workbench {
                 continue;
             };
             let parameter = &model.terms[at].parameters[inner];
-            if model.terms[at].bends() || parameter.known || parameter.se.is_some() {
+            let settled = parameter.se.is_some() && !system::absent(&model, at);
+            if model.terms[at].bends() || parameter.known || settled {
                 continue;
             }
             let mut rest = model.clone();
@@ -410,7 +465,7 @@ impl Workbench {
             slowest: self.slowest,
             memo: &self.memo,
         };
-        Ground::new(setting, model)
+        Ground::new(setting, Cow::Borrowed(model))
     }
 }
 
@@ -432,6 +487,26 @@ fn with_starts(problem: &Problem, model: &Model) -> Model {
         }
     }
     model
+}
+
+/// Bounds the inner parameters that are left to a fit, but for bristles, to where they are sought and a factor of [`BEYOND`].
+fn keep_in_reach(problem: &Problem, model: &mut Model) {
+    let survey = problem.survey(model);
+    for term in &mut model.terms {
+        let on_grid = term.effect.search() == Search::Grid && !term.bends();
+        let Some(inner) = term.effect.inner().filter(|_| on_grid) else {
+            continue;
+        };
+        let grid = term.effect.grid(&survey);
+        let parameter = &mut term.parameters[inner];
+        if let [low, .., high] = grid[..]
+            && !parameter.known
+        {
+            let (low, high) = (low / BEYOND, high * BEYOND);
+            parameter.min = Some(parameter.min.map_or(low, |min| min.max(low)));
+            parameter.max = Some(parameter.max.map_or(high, |max| max.min(high)));
+        }
+    }
 }
 
 /// The middle of the grid that the inner parameter of a term is sought on, within its bounds.

@@ -57,6 +57,18 @@ pub struct Term {
     pub in_law: bool,
 }
 
+impl Term {
+    /// The term with nothing known of it but what is given.
+    #[must_use]
+    pub fn forgotten(&self) -> Self {
+        let mut term = self.clone();
+        for parameter in term.parameters.iter_mut().filter(|p| !p.known) {
+            (parameter.value, parameter.se) = (None, None);
+        }
+        term
+    }
+}
+
 /// A model of one axis: `J·q̈ = k·u(t − d) − Fc·sgn v − Fv·v − Σ effects`.
 #[derive(Clone)]
 pub struct Model {

@@ -4,6 +4,9 @@ mod interval;
 mod line;
 mod memo;
 
+use std::borrow::Cow;
+use std::sync::OnceLock;
+
 use rayon::prelude::*;
 
 use crate::effects::{Effect, Inner, Search, Survey};
@@ -37,7 +40,7 @@ pub struct Setting<'a> {
 /// A model with numbers, its whitened system and its score: what one more term is measured against.
 pub struct Ground<'a> {
     setting: Setting<'a>,
-    model: &'a Model,
+    model: Cow<'a, Model>,
     /// The whitened system of the model.
     pub system: System,
     products: Products,
@@ -45,6 +48,8 @@ pub struct Ground<'a> {
     pub score: Score,
     /// What the recordings cover.
     pub survey: Survey,
+    /// The same without the fall of its friction law: see [`Ground::with`].
+    level: OnceLock<Option<Box<Ground<'a>>>>,
 }
 
 /// The inertias that a recording leaves room for, whatever acts on the axis besides.
@@ -77,17 +82,18 @@ const IMPLAUSIBLE: f64 = 3.0;
 
 impl<'a> Ground<'a> {
     /// Sets up the ground; `None` if the recording does not determine the model.
-    pub fn new(setting: Setting<'a>, model: &'a Model) -> Result<Option<Self>> {
-        let system = System::new(setting.problem, model)?.whitened(setting.noise);
+    pub fn new(setting: Setting<'a>, model: Cow<'a, Model>) -> Result<Option<Self>> {
+        let system = System::new(setting.problem, &model)?.whitened(setting.noise);
         let products = system.products(setting.blocks);
         let scored = products.and_then(|p| Some((system.score_of(p.clone(), 0.0)?, p)));
         Ok(scored.map(|(score, products)| Self {
             setting,
-            model,
             system,
             products,
             score,
-            survey: setting.problem.survey(model),
+            survey: setting.problem.survey(&model),
+            model,
+            level: OnceLock::new(),
         }))
     }
 
@@ -99,7 +105,7 @@ impl<'a> Ground<'a> {
             Search::Interval => self.in_time(term),
             Search::Line => self.on_line(term),
         };
-        self.setting.memo.recall(self.model, term, search)
+        self.setting.memo.recall(&self.model, term, search)
     }
 
     fn on_grid(&self, term: &Term) -> Result<Option<Found>> {
@@ -149,8 +155,8 @@ impl<'a> Ground<'a> {
         };
         let inners: Vec<Inner> = grid.iter().map(inner).collect();
         let (direction, path) = (
-            self.setting.problem.direction(self.model),
-            system::path(self.model),
+            self.setting.problem.direction(&self.model),
+            system::path(&self.model),
         );
         self.setting
             .problem
@@ -189,7 +195,7 @@ impl<'a> Ground<'a> {
 
     /// The model with a term; inner parameters that the term leaves open get the given values, within its bounds.
     fn model_with(&self, term: &Term, inner: Inner) -> Model {
-        let mut model = self.model.clone();
+        let mut model = Model::clone(&self.model);
         let mut term = term.clone();
         set_inner(&mut term, inner);
         model.terms.push(term);
@@ -217,7 +223,8 @@ impl<'a> Ground<'a> {
         self.system.extended(model, &columns, self.setting.noise)
     }
 
-    /// The score of the model with a term, if physics allows the coefficients that it comes out with.
+    /// The score of the model with a term, if physics allows the coefficients that it comes out with: if need be without the
+    /// fall of its friction law, which may have bent to what the term explains.
     fn with(&self, term: &Term, inner: Inner) -> Result<Option<Score>> {
         let mut model = self.model_with(term, inner);
         let (system, score);
@@ -235,7 +242,30 @@ impl<'a> Ground<'a> {
             system = self.extended(&model);
             score = system.score_of(self.products_with(&system.columns_and([])), 0.0);
         }
-        Ok(score.filter(|s| system.decode(&s.beta, &mut model) && self.plausible(&model)))
+        let Some(score) = score else { return Ok(None) };
+        if system.decode(&score.beta, &mut model) {
+            return Ok(self.plausible(&model).then_some(score));
+        }
+        match system::inadmissible(&model).map(|k| self.without_fall(k)) {
+            Some(level) => level?.map_or(Ok(None), |level| level.with(term, inner)),
+            None => Ok(None),
+        }
+    }
+
+    /// The ground without a term if that is the fall of its friction law and not given.
+    fn without_fall(&self, term: usize) -> Result<Option<&Self>> {
+        let fall = |t: &Term| t.in_law && t.falls() && t.parameters.iter().any(|p| !p.known);
+        if !self.model.terms.get(term).is_some_and(fall) {
+            return Ok(None);
+        }
+        if self.level.get().is_none() {
+            let mut model = Model::clone(&self.model);
+            model.terms.remove(term);
+            let level = Self::new(self.setting, Cow::Owned(model))?;
+            // Another thread may have been faster, with the same.
+            let _ = self.level.set(level.map(Box::new));
+        }
+        Ok(self.level.get().and_then(Option::as_deref))
     }
 
     /// The products of the model's columns with others, which come after them in `columns`.
@@ -253,7 +283,7 @@ impl<'a> Ground<'a> {
     /// place of all acceleration.
     fn plausible(&self, model: &Model) -> bool {
         let inertia = |model: &Model| model.parameters()[model.moving_inertia()].clone();
-        let (now, before) = (inertia(model), inertia(self.model));
+        let (now, before) = (inertia(model), inertia(&self.model));
         let (Some(Inertias { least, most, .. }), Some(value)) = (self.setting.inertias, now.value)
         else {
             return true;
