@@ -173,6 +173,13 @@ impl Sums {
     }
 }
 
+impl Error {
+    /// Whether the squared error is less than half of what it was.
+    pub fn halves(&self, before: &Self) -> bool {
+        self.nrmse * self.nrmse < 0.5 * before.nrmse * before.nrmse
+    }
+}
+
 /// Sums over each window of both parts of the recordings; over each sample where the motion is imposed.
 pub struct Parts {
     /// First 70 % of each recording.
@@ -190,6 +197,11 @@ impl Parts {
     /// The errors of the held-out part.
     pub fn held_out(&self) -> Error {
         total(&self.held_out).error()
+    }
+
+    /// The squared error of both.
+    pub fn squares(&self) -> f64 {
+        total(&self.train).squares() + total(&self.held_out).squares()
     }
 }
 

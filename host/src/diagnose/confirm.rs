@@ -1,7 +1,7 @@
 //! What the held-out part says of the effects that the training part selected.
 
 use super::select::{self, Scope, Selection};
-use super::trial::students_t;
+use super::trial::{Trial, students_t};
 use super::whitened;
 use crate::effects::Effect;
 use crate::error::Result;
@@ -71,6 +71,13 @@ pub(super) fn confirmed(
         };
         let selection = select::select(&open, before, start.clone(), recordings, progress)?;
         progress("confirming on the held-out part");
+        if !scope.fast {
+            let outpredicted = outpredicted(scope.bench, before, &selection, recordings)?;
+            if !outpredicted.is_empty() {
+                refuted.extend(outpredicted);
+                continue;
+            }
+        }
         let known = |id: &&str| start.0.iter().any(|s| s.trial.effect.id() == *id);
         let ids = selection.0.iter().map(|s| s.trial.effect.id());
         let added: Vec<&str> = ids.filter(|id| !known(id)).collect();
@@ -82,6 +89,50 @@ pub(super) fn confirmed(
             return Ok((kept, after));
         }
     }
+}
+
+/// The effects that keep a rival which predicts better from being selected: free runs with the rival in the place of an effect err
+/// by less than half of the squared error in the held-out part, and over the whole as well. Where travel, speed or drive differ
+/// from those of the training part, names part that explain much the same there. None if no rival is better.
+fn outpredicted(
+    bench: &Workbench,
+    before: &Model,
+    (selected, after): &Selection,
+    recordings: &[Recording],
+) -> Result<Vec<&'static str>> {
+    let run = |model: &Model| fit::parts(model, recordings, &bench.problem.tracks);
+    let with_it = run(after)?;
+    if !moves(&with_it) {
+        return Ok(Vec::new());
+    }
+    let better = |a: &Parts, b: &Parts| {
+        a.held_out().halves(&b.held_out()) && a.squares() < 0.5 * b.squares()
+    };
+    for (k, own) in selected.iter().enumerate() {
+        let term = before.terms.len() + k;
+        let lacking = select::without(after, term);
+        let instead = |rival: &Trial| {
+            let mut instead = select::with_trial(&lacking, rival);
+            instead.terms[term..].rotate_right(1);
+            // What cannot be fitted predicts nothing.
+            let fitted = bench.estimate(&instead).ok();
+            let run = fitted.map(|(instead, _)| run(&instead)).transpose()?;
+            Ok(run.map(|run| (rival.effect.id(), run)))
+        };
+        let rivals: Result<Vec<_>> = own.rivals(&lacking).map(instead).collect();
+        let rivals: Vec<(&str, Parts)> = rivals?.into_iter().flatten().collect();
+        let squares = |(_, run): &(&str, Parts)| run.squares();
+        let best = (rivals.iter()).min_by(|a, b| squares(a).total_cmp(&squares(b)));
+        if let Some((id, best)) = best.filter(|(_, best)| better(best, &with_it)) {
+            // Those with more evidence than the best would be next.
+            let before = rivals.iter().take_while(|(other, _)| other != id);
+            let worse = before
+                .filter(|(_, run)| better(best, run))
+                .map(|(id, _)| *id);
+            return Ok([own.trial.effect.id()].into_iter().chain(worse).collect());
+        }
+    }
+    Ok(Vec::new())
 }
 
 /// Drops effects without which the held-out part is predicted as well: weak-form error and free run both count, as far
@@ -147,13 +198,17 @@ pub(super) fn departure(bench: &Workbench, model: &Model) -> f64 {
 /// window, by more than so many standard errors; of an imposed motion, which has no windows, by the former alone. Where the
 /// axis hardly moves, nothing can be said.
 fn worsens(with: &Parts, without: &Parts, causality: Causality, chance: f64) -> bool {
-    let moves = with.held_out().signal > LEAST_MOTION * with.train().signal;
-    if !moves || with.held_out().nrmse < FREE_RUN_TOLERANCE * without.held_out().nrmse {
+    if !moves(with) || with.held_out().nrmse < FREE_RUN_TOLERANCE * without.held_out().nrmse {
         return false;
     }
     let pairs = with.held_out.iter().zip(&without.held_out);
     let rises: Vec<f64> = pairs.map(|(a, b)| a.squares() - b.squares()).collect();
     causality == Causality::Inverse || rises.len() < FEWEST_WINDOWS || students_t(&rises) > chance
+}
+
+/// Whether the axis moves enough in the held-out part for a free run to say anything.
+fn moves(run: &Parts) -> bool {
+    run.held_out().signal > LEAST_MOTION * run.train().signal
 }
 
 /// A held-out free run over a handful of windows scatters by a few per cent through its measured starting

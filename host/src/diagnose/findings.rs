@@ -84,10 +84,6 @@ fn rivals(
     recordings: &[Recording],
 ) -> Result<Vec<Rival>> {
     // It may be that one stood against it before another took a place that both need.
-    let close = selected.others.iter().filter(|o| {
-        let close = o.delta_bic >= 0.5 * selected.trial.delta_bic;
-        close && !o.effect.nuisance() && select::fits_in(o.effect, before)
-    });
     let rival = |other: &Trial| {
         let instead = bench.fit(&select::with_trial(before, other), recordings)?;
         Ok(Rival {
@@ -99,7 +95,8 @@ fn rivals(
             tell_apart_by: effects::tell_apart(selected.trial.effect, other.effect),
         })
     };
-    close.map(rival).collect()
+    // It may be that one stood against it before another took a place that both need.
+    selected.rivals(before).map(rival).collect()
 }
 
 /// Parameters of a whole model, or of one of its terms with what follows from them.

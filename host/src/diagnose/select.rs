@@ -40,6 +40,15 @@ pub(super) struct Selected {
     pub others: Vec<Trial>,
 }
 
+impl Selected {
+    /// Effects that would have explained at least half as much, as far as a model has room for them.
+    pub fn rivals<'a>(&'a self, model: &'a Model) -> impl Iterator<Item = &'a Trial> {
+        let close = |other: &&Trial| other.delta_bic >= 0.5 * self.trial.delta_bic;
+        let named = self.others.iter().filter(|o| !o.effect.nuisance());
+        named.filter(close).filter(|o| fits_in(o.effect, model))
+    }
+}
+
 /// What has been selected so far, strongest first, and the model that has it, refined.
 pub(super) type Selection = (Vec<Selected>, Model);
 
@@ -244,7 +253,7 @@ fn rescued(
     }
     let halves = |part: Part, before: fit::Error| -> Result<bool> {
         let after = fit::part(part, &with, recordings, &bench.problem.tracks)?;
-        Ok(after.nrmse * after.nrmse < 0.5 * before.nrmse * before.nrmse)
+        Ok(after.halves(&before))
     };
     // The shorter part first.
     Ok(halves(Part::HeldOut, before.held_out())? && halves(Part::Train, before.train())?)
