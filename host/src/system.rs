@@ -312,8 +312,7 @@ impl System {
             if term.parameters.iter().all(|p| p.known) {
                 continue;
             }
-            admissible &=
-                allowed(term.effect, coefficients, moved) && (!term.falls() || level_holds);
+            admissible &= allowed(term, coefficients, moved, level_holds);
             let (inner, _) = term.effect.linear(&values(term), measure);
             let named = term.effect.named(inner, coefficients, measure);
             let scanned = term.effect.inner();
@@ -583,11 +582,11 @@ pub fn torque_scale(problem: &Problem, model: &Model) -> f64 {
 /// Share of the inertia that may hang behind the measured side at most.
 const HEAVIEST_LOAD: f64 = 0.95;
 
-/// Whether physics allows the coefficients of an effect on an axis of some inertia.
-fn allowed(effect: &dyn Effect, coefficients: &[f64], inertia: Option<f64>) -> bool {
+/// Whether physics allows the coefficients of a term on an axis of some inertia, whose friction [`level_holds`] or not.
+fn allowed(term: &Term, coefficients: &[f64], inertia: Option<f64>, level_holds: bool) -> bool {
     let heaviest = HEAVIEST_LOAD * inertia.unwrap_or(f64::INFINITY);
-    let carried = !effect.hangs() || coefficients.iter().all(|c| *c < heaviest);
-    carried && effect.admissible(coefficients)
+    let carried = !term.effect.hangs() || coefficients.iter().all(|c| *c < heaviest);
+    carried && (!term.falls() || level_holds) && term.effect.admissible(coefficients)
 }
 
 /// Whether friction that falls with speed falls to a level that opposes motion, as far as the level is estimated: a fall by more
@@ -608,9 +607,10 @@ pub fn absent(model: &Model, term: usize) -> bool {
 /// The first estimated term whose coefficients physics does not allow.
 pub fn inadmissible(model: &Model) -> Option<usize> {
     let (scale, inertia) = (model.scale(), model.parameters()[model.moving_inertia()]);
+    let level_holds = level_holds(model);
     let allowed = |t: &Term| {
         let (_, coefficients) = t.effect.linear(&values(t), scale);
-        allowed(t.effect, &coefficients, inertia.value) && (!t.falls() || level_holds(model))
+        allowed(t, &coefficients, inertia.value, level_holds)
     };
     model
         .terms

@@ -71,8 +71,12 @@ pub(super) fn confirmed(
         };
         let selection = select::select(&open, before, start.clone(), recordings, progress)?;
         progress("confirming on the held-out part");
+        if selection.0.is_empty() {
+            return Ok(selection);
+        }
+        let run = fit::parts(&selection.1, recordings, &scope.bench.problem.tracks)?;
         if !scope.fast {
-            let outpredicted = outpredicted(scope.bench, before, &selection, recordings)?;
+            let outpredicted = outpredicted(scope.bench, before, (&selection, &run), recordings)?;
             if !outpredicted.is_empty() {
                 refuted.extend(outpredicted);
                 continue;
@@ -81,7 +85,7 @@ pub(super) fn confirmed(
         let known = |id: &&str| start.0.iter().any(|s| s.trial.effect.id() == *id);
         let ids = selection.0.iter().map(|s| s.trial.effect.id());
         let added: Vec<&str> = ids.filter(|id| !known(id)).collect();
-        let (kept, after) = confirm(scope.bench, before, selection, recordings)?;
+        let (kept, after) = confirm(scope.bench, before, (selection, run), recordings)?;
         let dropped = |id: &&str| !kept.iter().any(|s| s.trial.effect.id() == *id);
         let count = refuted.len();
         refuted.extend(added.into_iter().filter(dropped));
@@ -92,17 +96,16 @@ pub(super) fn confirmed(
 }
 
 /// The effects that keep a rival which predicts better from being selected: free runs with the rival in the place of an effect err
-/// by less than half of the squared error in the held-out part, and over the whole as well. Where travel, speed or drive differ
-/// from those of the training part, names part that explain much the same there. None if no rival is better.
+/// by less than half of the squared error of its own in the held-out part, and over the whole as well. Where travel, speed or
+/// drive differ from those of the training part, names part that explain much the same there. None if no rival is better.
 fn outpredicted(
     bench: &Workbench,
     before: &Model,
-    (selected, after): &Selection,
+    ((selected, after), with_it): (&Selection, &Parts),
     recordings: &[Recording],
 ) -> Result<Vec<&'static str>> {
     let run = |model: &Model| fit::parts(model, recordings, &bench.problem.tracks);
-    let with_it = run(after)?;
-    if !moves(&with_it) {
+    if !moves(with_it) {
         return Ok(Vec::new());
     }
     let better = |a: &Parts, b: &Parts| {
@@ -112,8 +115,7 @@ fn outpredicted(
         let term = before.terms.len() + k;
         let lacking = select::without(after, term);
         let instead = |rival: &Trial| {
-            let mut instead = select::with_trial(&lacking, rival);
-            instead.terms[term..].rotate_right(1);
+            let instead = select::with_trial_at(term, &lacking, rival);
             // What cannot be fitted predicts nothing.
             let fitted = bench.estimate(&instead).ok();
             let run = fitted.map(|(instead, _)| run(&instead)).transpose()?;
@@ -123,7 +125,7 @@ fn outpredicted(
         let rivals: Vec<(&str, Parts)> = rivals?.into_iter().flatten().collect();
         let squares = |(_, run): &(&str, Parts)| run.squares();
         let best = (rivals.iter()).min_by(|a, b| squares(a).total_cmp(&squares(b)));
-        if let Some((id, best)) = best.filter(|(_, best)| better(best, &with_it)) {
+        if let Some((id, best)) = best.filter(|(_, best)| better(best, with_it)) {
             // Those with more evidence than the best would be next.
             let before = rivals.iter().take_while(|(other, _)| other != id);
             let worse = before
@@ -141,15 +143,11 @@ fn outpredicted(
 fn confirm(
     bench: &Workbench,
     before: &Model,
-    (mut selected, mut after): Selection,
+    ((mut selected, mut after), mut with_it): (Selection, Parts),
     recordings: &[Recording],
 ) -> Result<Selection> {
-    if selected.is_empty() {
-        return Ok((selected, after));
-    }
     let few = bench.problem.count(Part::HeldOut) < FEWEST_HELD_OUT;
     let run = |model: &Model| fit::parts(model, recordings, &bench.problem.tracks);
-    let mut with_it = run(&after)?;
     let mut k = selected.len();
     while k > 0 {
         k -= 1;

@@ -141,6 +141,13 @@ pub(super) fn with_trial(model: &Model, trial: &Trial) -> Model {
     next
 }
 
+/// The same with the effect in a given place among the terms.
+pub(super) fn with_trial_at(term: usize, model: &Model, trial: &Trial) -> Model {
+    let mut next = with_trial(model, trial);
+    next.terms[term..].rotate_right(1);
+    next
+}
+
 fn passes(trial: &Trial) -> bool {
     trial.certain && trial.reaches(FLOOR, LEAST_DELTA_BIC)
 }
@@ -280,8 +287,7 @@ fn reexamine(
                 continue;
             }
             Some(rival) => {
-                let mut next = with_trial(&lacking, &rival.trial);
-                next.terms[term..].rotate_right(1);
+                let next = with_trial_at(term, &lacking, &rival.trial);
                 selected[k] = rival;
                 k += 1;
                 next

@@ -21,7 +21,7 @@ use crate::noise::Noise;
 use crate::problem::{Direction, Problem};
 use crate::recording::Recording;
 use crate::refine::{self, Refined};
-use crate::scan::{self, Ground, Inertias, Memo, Setting};
+use crate::scan::{self, Found, Ground, Inertias, Memo, Setting};
 use crate::system::{self, System};
 use crate::weak::{Balance, Part, Track};
 
@@ -227,11 +227,7 @@ impl Workbench {
             return Ok(());
         };
         let start = with_starts(&self.problem, model);
-        let found = match self.ground(&start)? {
-            Some(ground) => ground.best(&scan::open(effect))?,
-            None => None,
-        };
-        let Some(found) = found else {
+        let Some(found) = self.best_on(&start, &scan::open(effect))? else {
             return Ok(());
         };
         let (sliding, path) = (Direction::default(), Path::default());
@@ -386,10 +382,7 @@ impl Workbench {
         if scanned.is_none_or(|k| of.parameters[k].known) {
             return Ok(None);
         }
-        let found = match self.ground(rest)? {
-            Some(ground) => ground.best(&of.forgotten())?,
-            None => None,
-        };
+        let found = self.best_on(rest, &of.forgotten())?;
         let Some(found) = found.filter(|f| f.score.chi2 < chi2) else {
             return Ok(None);
         };
@@ -444,15 +437,17 @@ impl Workbench {
             }
             let mut rest = model.clone();
             let term = rest.terms.remove(at);
-            let found = match self.ground(&rest)? {
-                Some(ground) => ground.best(&term)?,
-                None => None,
-            };
-            if let Some(found) = found {
+            if let Some(found) = self.best_on(&rest, &term)? {
                 scan::set_inner(&mut model.terms[at], found.inner);
             }
         }
         Ok(model)
+    }
+
+    /// The best that a term can do on a model; `None` if the recordings do not determine it.
+    fn best_on(&self, model: &Model, term: &Term) -> Result<Option<Found>> {
+        let ground = self.ground(model)?;
+        ground.map_or(Ok(None), |ground| ground.best(term))
     }
 
     /// A model as the ground for one more term; `None` if the recordings do not determine it.
