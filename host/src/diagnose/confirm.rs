@@ -1,5 +1,6 @@
 //! What the held-out part says of the effects that the training part selected.
 
+use super::leftover;
 use super::select::{self, Scope, Selection};
 use super::trial::{Trial, students_t};
 use super::whitened;
@@ -137,9 +138,9 @@ fn outpredicted(
     Ok(Vec::new())
 }
 
-/// Drops effects without which the held-out part is predicted as well: weak-form error and free run both count, as far
-/// as the axis moves enough there for them to tell, and the effect acts there at all. A load that came and went before is
-/// left to the cross-validation.
+/// Drops effects that are too small to count, and those without which the held-out part is predicted as well: weak-form error
+/// and free run both count, as far as the axis moves enough there for them to tell, and the effect acts there at all. A load
+/// that came and went before is left to the cross-validation.
 fn confirm(
     bench: &Workbench,
     before: &Model,
@@ -154,10 +155,9 @@ fn confirm(
         let term = before.terms.len() + k;
         let lacking = select::without(&after, term);
         let (z, z_lacking) = (whitened(bench, &after), whitened(bench, &lacking));
-        // The joint fit may have left nothing of it.
-        let acts = z != z_lacking;
+        let counts = leftover::differs(bench, &after, &lacking);
         let dominates = selected[k].trial.gain.share >= DOMINANT;
-        if acts && dominates && !HeldOut::between(bench, &z, &z_lacking).tells() {
+        if counts && dominates && !HeldOut::between(bench, &z, &z_lacking).tells() {
             continue;
         }
         let (without, _) = bench.estimate(&lacking)?;
@@ -169,7 +169,7 @@ fn confirm(
             0.0
         };
         let without_it = run(&without)?;
-        if !weak_form_helps || worsens(&with_it, &without_it, after.causality, chance) {
+        if !counts || !weak_form_helps || worsens(&with_it, &without_it, after.causality, chance) {
             selected.remove(k);
             (after, with_it) = (without, without_it);
         }
@@ -193,15 +193,19 @@ pub(super) fn departure(bench: &Workbench, model: &Model) -> f64 {
 }
 
 /// Whether one model predicts the held-out part worse than another: by more than [`FREE_RUN_TOLERANCE`] and, window against
-/// window, by more than so many standard errors; of an imposed motion, which has no windows, by the former alone. Where the
-/// axis hardly moves, nothing can be said.
+/// window, by more than so many standard errors, or by twice the squared error; of an imposed motion, which has no windows, by
+/// the tolerance alone. Where the axis hardly moves, nothing can be said.
 fn worsens(with: &Parts, without: &Parts, causality: Causality, chance: f64) -> bool {
     if !moves(with) || with.held_out().nrmse < FREE_RUN_TOLERANCE * without.held_out().nrmse {
         return false;
     }
     let pairs = with.held_out.iter().zip(&without.held_out);
     let rises: Vec<f64> = pairs.map(|(a, b)| a.squares() - b.squares()).collect();
-    causality == Causality::Inverse || rises.len() < FEWEST_WINDOWS || students_t(&rises) > chance
+    let doubles = without.held_out().halves(&with.held_out());
+    doubles
+        || causality == Causality::Inverse
+        || rises.len() < FEWEST_WINDOWS
+        || students_t(&rises) > chance
 }
 
 /// Whether the axis moves enough in the held-out part for a free run to say anything.

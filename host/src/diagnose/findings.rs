@@ -83,7 +83,6 @@ fn rivals(
     (selected, error_with_it): (&Selected, f64),
     recordings: &[Recording],
 ) -> Result<Vec<Rival>> {
-    // It may be that one stood against it before another took a place that both need.
     let rival = |other: &Trial| {
         let instead = bench.fit(&select::with_trial(before, other), recordings)?;
         Ok(Rival {

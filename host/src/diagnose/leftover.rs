@@ -88,7 +88,7 @@ pub(super) fn of(bench: &Workbench, model: &Model) -> Result<Leftover> {
         .par_iter()
         .map(|(name, c)| (*name, base.generic(c)))
         .collect();
-    let left = relative_residual(bench, model);
+    let left = relative(bench, model, &residual);
     for (in_spells, at_random, carrier) in carriers {
         // What shows beside noise of its own kind needs no look without.
         let shows = |(name, generic): &(&str, Generic)| *name == in_spells && generic.certain;
@@ -115,7 +115,15 @@ pub(super) fn of(bench: &Workbench, model: &Model) -> Result<Leftover> {
 
 /// Whether what a model leaves of the torque is large enough to count.
 pub(super) fn counts(bench: &Workbench, model: &Model) -> bool {
-    relative_residual(bench, model) >= smallest(bench)
+    relative(bench, model, &system::residual(&bench.problem, model)) >= smallest(bench)
+}
+
+/// Whether the torque by which two models differ is large enough to count.
+pub(super) fn differs(bench: &Workbench, model: &Model, other: &Model) -> bool {
+    let own = system::residual(&bench.problem, model);
+    let others = system::residual(&bench.problem, other);
+    let difference: Vec<f64> = own.iter().zip(others).map(|(a, b)| a - b).collect();
+    relative(bench, model, &difference) >= smallest(bench)
 }
 
 /// The size from which on something unexplained counts: [`SMALLEST`], or what uncertain reversals leave where few samples
@@ -126,10 +134,10 @@ fn smallest(bench: &Workbench) -> f64 {
     SMALLEST.max(coarsest)
 }
 
-/// RMS of the residual torque over the RMS of the driving torque, both averaged by the test functions.
-fn relative_residual(bench: &Workbench, model: &Model) -> f64 {
+/// RMS of a residual torque over the RMS of the driving torque, both averaged by the test functions.
+fn relative(bench: &Workbench, model: &Model, residual: &[f64]) -> f64 {
     let rms = |x: &[f64]| (x.iter().map(|x| x * x).sum::<f64>() / x.len().max(1) as f64).sqrt();
     let scale = system::torque_scale(&bench.problem, model).abs();
     let drive = model.gain.value.unwrap_or(1.0).abs() * rms(&bench.problem.input(&Path::default()));
-    scale * rms(&system::residual(&bench.problem, model)) / drive.max(f64::MIN_POSITIVE)
+    scale * rms(residual) / drive.max(f64::MIN_POSITIVE)
 }
