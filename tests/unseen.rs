@@ -459,6 +459,17 @@ fn a_ripple_that_is_too_small_to_count_is_not_named() {
     }
 }
 
+/// Of three quarters at rest and an encoder so fine that few steps are of one count, an encoder's noise is told all the same.
+#[test]
+fn an_axis_that_mostly_rests_is_told_from_one_that_creeps() {
+    let options = "--excite multisine --amplitude 0.4 --band 0.2:3 --rate 1000 --counts 1048576 --noise 0.0003 --seed 14";
+    let json = diagnosed_of(PLAIN, BASELINE, options);
+    assert_eq!(json["verdict"], "adequate", "{}", json["text"]);
+    let coulomb = &json["baseline"]["parameters"]["coulomb"]["value"];
+    let error = coulomb.as_f64().expect("a number") / 0.12 - 1.0;
+    assert!(error.abs() < 0.01, "{error}");
+}
+
 /// Diagnoses so many seconds of an axis that is driven without control against a torque of any form over time and velocity. A
 /// step of 20 µs is far below the time in which friction stops it.
 fn diagnosed_against(

@@ -27,22 +27,6 @@ pub(super) fn check(recording: &Recording, track: &Track, model: &Model) -> Vec<
     warnings
 }
 
-/// Smallest step that repeats in at least a hundredth of the samples; zero without one.
-fn quantum(x: &[f64]) -> f64 {
-    let largest = x.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-    let steps = || {
-        let steps = x.windows(2).map(|w| (w[1] - w[0]).abs());
-        steps.filter(move |step| *step > 1e-12 * largest)
-    };
-    let smallest = steps().fold(f64::INFINITY, f64::min);
-    let repeats = steps().filter(|step| (step / smallest - 1.0).abs() < 1e-3);
-    if repeats.count() * 100 > x.len() {
-        smallest
-    } else {
-        0.0
-    }
-}
-
 fn coarse(recording: &Recording, track: &Track, model: &Model) -> Option<Warning> {
     let speed = rms(track.v.iter().copied());
     let noise = track.velocity_noise / speed;
@@ -54,7 +38,7 @@ fn coarse(recording: &Recording, track: &Track, model: &Model) -> Option<Warning
     } else {
         ("velocity", model.unit(Quantity::Speed))
     };
-    let step = quantum(recording.measured());
+    let step = track.quantum;
     let cause = if step > 0.0 {
         let counts = speed * track.period / step;
         let moved = if recording.q.is_some() {
@@ -88,7 +72,7 @@ fn velocity(track: &Track, t: f64) -> f64 {
 }
 
 fn repeated(recording: &Recording, q: &[f64], track: &Track) -> Option<Warning> {
-    let least = CERTAIN_STEPS * quantum(q);
+    let least = CERTAIN_STEPS * track.quantum;
     let slow = 0.2 * rms(track.v.iter().copied());
     let t = &recording.t;
     let moving = (1..q.len()).filter(|&k| {
@@ -143,17 +127,15 @@ fn frozen(t: &[f64], q: &[f64]) -> Option<Warning> {
 
 #[cfg(test)]
 mod tests {
-    use super::{frozen, quantum};
+    use super::frozen;
 
     #[test]
     fn a_stalled_link_is_seen() {
         let t: Vec<f64> = (0..5000).map(|k| f64::from(k) * 1e-3).collect();
         let mut q: Vec<f64> = t.iter().map(|t| (2.0 * t).sin()).collect();
-        assert!(frozen(&t, &q).is_none() && quantum(&q) == 0.0);
+        assert!(frozen(&t, &q).is_none());
         let held = q[1500];
         q[1500..1700].fill(held);
         assert!(frozen(&t, &q).unwrap().text.contains("1 times"));
-        let counted: Vec<f64> = q.iter().map(|q| (q * 1e3).round() / 1e3).collect();
-        assert!((quantum(&counted) - 1e-3).abs() < 1e-9);
     }
 }

@@ -21,6 +21,12 @@ pub(super) const BETTER: f64 = 0.8;
 /// The instant of sample `k` is then `k T + mean(t_j - j T)` over the samples `j` around it that none are missing between, with
 /// `T` the slope of the straight line through all of them, s.
 pub fn evened(recording: Recording) -> Recording {
+    let intervals = Intervals::of(&recording.t);
+    let latest = recording.t.iter().fold(0.0_f64, |m, t| m.max(t.abs()));
+    // Even to the last digit.
+    if intervals.jitter * intervals.median <= f64::EPSILON * latest {
+        return recording;
+    }
     let (by_stamps, evenly) = roughness(&recording.t, recording.measured());
     if evenly >= BETTER * by_stamps {
         return recording;
@@ -151,6 +157,16 @@ mod tests {
         let worst = evened.t.iter().zip(&even).map(|(a, b)| (a - b).abs());
         let worst = worst.fold(0.0, f64::max);
         assert!(worst < 2e-5, "{worst}");
+    }
+
+    /// A count a sample lies on a straight line over the count, and but for rounding over even stamps.
+    #[test]
+    fn rounding_is_no_jitter() {
+        let stamps = (0..3000).map(|k| 1000.0 + 1e-3 * f64::from(k));
+        let even: Vec<f64> = stamps.collect();
+        let mut steady = recording(&even, even.clone());
+        steady.q = Some((0..3000).map(|k| f64::from(k) / 1_048_576.0).collect());
+        assert!(evened(steady).stamps.is_none());
     }
 
     #[test]

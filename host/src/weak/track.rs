@@ -135,6 +135,13 @@ const GAP: f64 = 5.0;
 /// Timing within this share of an interval counts as uniform.
 const JITTER: f64 = 0.02;
 
+/// Multiples of a quantiser's step up to this are counted: those of one that a file gives with three digits stay within …
+const MULTIPLES: f64 = 50.0;
+/// … this of whole numbers.
+const OF_A_STEP: f64 = 0.05;
+/// Steps that a quantiser is told by.
+const FEWEST_STEPS: usize = 20;
+
 /// What to hold from each sample to the next: the input itself, or its mean there if that is a straight line between samples.
 fn held_like(recording: &Recording) -> Vec<f64> {
     let mut u = recording.u.clone();
@@ -531,20 +538,21 @@ fn resample(t: &[f64], x: &[f64], period: f64) -> Vec<f64> {
         .collect()
 }
 
-/// Step of the quantiser behind a signal: the smallest step that it makes, if many steps repeat it, else 0. Its noise has
-/// the variance Δ²/12 while the axis moves.
+/// Step of the quantiser behind a signal: the smallest step that it makes, if a hundredth of all repeat it or the others are
+/// multiples of it, as those of a signal that nothing quantises are in one of ten cases; else 0. Samples at rest make no
+/// steps. Its noise has the variance Δ²/12 while the axis moves.
 fn quantum(x: &[f64]) -> f64 {
     let largest = x.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
-    let steps = || {
-        x.windows(2)
-            .map(|w| (w[1] - w[0]).abs())
-            .filter(|&d| d > 1e-12 * largest)
-    };
-    let smallest = steps().fold(f64::INFINITY, f64::min);
-    let repeats = steps()
-        .filter(|d| (d / smallest - 1.0).abs() < 1e-3)
-        .count();
-    if repeats * 100 > x.len() {
+    let steps = x.windows(2).map(|w| (w[1] - w[0]).abs());
+    let steps: Vec<f64> = steps.filter(|&d| d > 1e-12 * largest).collect();
+    let smallest = steps.iter().copied().fold(f64::INFINITY, f64::min);
+    let ratios = || steps.iter().map(|d| d / smallest);
+    let repeats = ratios().filter(|r| (r - 1.0).abs() < 1e-3).count();
+    let few = ratios().filter(|r| *r < MULTIPLES);
+    let multiples = few.clone().filter(|r| (r - r.round()).abs() < OF_A_STEP);
+    let (multiples, few) = (multiples.count(), few.count());
+    let repeated = repeats > 1 && 100 * repeats > steps.len();
+    if repeated || few >= FEWEST_STEPS && 100 * multiples >= 99 * few {
         smallest
     } else {
         0.0
@@ -670,6 +678,17 @@ mod tests {
             .map(|k| ((f64::from(k) * 0.01).sin() * 100.0).floor() * 0.01)
             .collect();
         assert!((quantum(&q) / 0.01 - 1.0).abs() < 1e-6);
+        // Nineteen times as long at rest.
+        let resting: Vec<f64> = [vec![q[0]; 38_000], q].concat();
+        assert!((quantum(&resting) / 0.01 - 1.0).abs() < 1e-6);
+        // Up to a thousand counts between samples, hardly ever a single one.
+        let fast: Vec<f64> = (0..2000)
+            .map(|k| ((f64::from(k) * 0.01).sin() * 1e5).floor() * 0.01)
+            .collect();
+        assert!((quantum(&fast) / 0.01 - 1.0).abs() < 1e-6);
+        // Each step of another size.
+        let smooth: Vec<f64> = (0..2000).map(|k| (f64::from(k) * 1e-3).sin()).collect();
+        assert_eq!(quantum(&smooth), 0.0);
     }
 
     #[test]
