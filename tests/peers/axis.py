@@ -1,6 +1,7 @@
 """What all methods share: the model, its recordings, and how a set of parameters is judged.
 
-The model is one inertia with Coulomb and viscous friction: J·dv/dt = k·u − Fc·sgn(v) − Fv·v, with k known.
+The model is one inertia with Coulomb and viscous friction: J·dv/dt = k·u − Fc·sgn(v) − Fv·v, with k known; on one recording
+with a constant resistance c besides.
 """
 
 import dataclasses
@@ -23,15 +24,16 @@ FILTER = (41, 3)
 
 @dataclasses.dataclass(frozen=True)
 class Parameters:
-    """J, Fc, Fv, and a constant resistance for the methods that find one."""
+    """J, Fc, Fv, and a constant resistance where the model has one or a method finds one."""
 
     inertia: float
     coulomb: float
     viscous: float
     offset: float = 0.0
 
-    def vector(self):
-        return np.array([self.inertia, self.coulomb, self.viscous])
+    def vector(self, offset=False):
+        own = [self.inertia, self.coulomb, self.viscous]
+        return np.array([*own, self.offset] if offset else own)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,6 +47,8 @@ class Case:
     gain: float
     # True values of a simulated axis; published ones of EMPS.
     reference: Parameters
+    # Whether the model has a constant resistance.
+    offset: bool = False
 
     def load(self):
         """t, u, q of the whole recording."""
@@ -65,8 +69,8 @@ class Case:
             f'inertia = {value("inertia")}\n[friction]\nmodel = "coulomb-viscous"\n'
             f'coulomb = {value("coulomb")}\nviscous = {value("viscous")}\n'
         )
-        if parameters is not None and parameters.offset:
-            text += f"[effects.direction-asymmetry]\noffset = {parameters.offset!r}\n"
+        if self.offset or parameters is not None and parameters.offset:
+            text += f"[effects.direction-asymmetry]\noffset = {value('offset')}\n"
         return text
 
 

@@ -35,8 +35,8 @@ class Row:
 def methods(case):
     """Name and fit of each peer; a fit returns parameters and a note."""
     near = case.reference
-    far = Parameters(*(near.vector() * FAR))
-    for constant in (False, True):
+    far = Parameters(*(near.vector() * FAR), near.offset)
+    for constant in (True,) if case.offset else (False, True):
         for weak in (False, True):
             name = "PySINDy, " + ("weak form" if weak else "smoothed differences") + (" and constant" if constant else "")
             yield name, fit_pysindy.fit(case, weak, constant)
@@ -45,9 +45,11 @@ def methods(case):
         for start, where in ((near, "near"), (far, "far")):
             for stepper in ("Python", "Numba"):
                 yield f"SciPy, {over}, {stepper}, {where}", fit_scipy.fit(case, start, stepper, in_windows)
-            if case.name == "EMPS" and in_windows:
+            if case.path.stem == "emps_est" and in_windows:
                 yield f"SciPy, {over}, solve_ivp, {where}", fit_scipy.fit_ode(case, start)
-            yield f"mujoco.sysid, {over}, {where}", fit_mujoco.fit(case, start, in_windows)
+            # A joint of MuJoCo has no constant resistance.
+            if not case.offset:
+                yield f"mujoco.sysid, {over}, {where}", fit_mujoco.fit(case, start, in_windows)
 
 
 def bristle(case):
@@ -60,7 +62,8 @@ def bristle(case):
         def estimate():
             subprocess.run(command, check=True, capture_output=True)
             found = json.loads(out.read_text())["parameters"]
-            return Parameters(*(found[name]["value"] for name in ("inertia", "coulomb", "viscous"))), ""
+            names = ("inertia", "coulomb", "viscous", "direction-asymmetry.offset")
+            return Parameters(*(found[name]["value"] for name in names if name in found)), ""
 
         return timed(estimate)
 

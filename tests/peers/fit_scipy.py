@@ -14,7 +14,7 @@ def fit(case, start, stepper, in_windows):
     t, u, q = case.train()
     run = RUNNERS[stepper]
     # Numba compiles here, outside the time that counts.
-    run(t[:3], u[:3], 0.0, 0.0, 0, 3, 1.0, 1.0, 1.0, np.empty(3))
+    run(t[:3], u[:3], 0.0, 0.0, 0, 3, 1.0, 1.0, 1.0, 0.0, np.empty(3))
     if stepper == "Python":
         # Plain numbers are faster than NumPy's in plain Python.
         times, inputs = t.tolist(), (case.gain * u).tolist()
@@ -27,11 +27,12 @@ def fit(case, start, stepper, in_windows):
         out = np.empty(len(t)) if stepper == "Numba" else [0.0] * len(t)
 
         def residual(theta):
+            theta = (*map(float, theta), 0.0)[:4]
             for first, last in pieces:
-                run(times, inputs, float(q[first]), float(v[first]), first, last, *map(float, theta), out)
+                run(times, inputs, float(q[first]), float(v[first]), first, last, *theta, out)
             return np.asarray(out) - q
 
-        return solve(residual, start)
+        return solve(residual, start.vector(case.offset))
 
     return estimate
 
@@ -48,12 +49,13 @@ def fit_ode(case, start):
         period = float(t[-1] - t[0]) / (len(t) - 1)
 
         def residual(theta):
-            inertia, coulomb, viscous = map(float, theta)
+            inertia, coulomb, viscous, offset = (*map(float, theta), 0.0)[:4]
 
             def slope(time, x):
                 drive = force[min(int((time - t[0]) / period + 1e-6), len(force) - 1)]
                 speed = x[1]
-                return speed, (drive - coulomb * math.tanh(speed / smooth) - viscous * speed) / inertia
+                resistance = coulomb * math.tanh(speed / smooth) + viscous * speed + offset
+                return speed, (drive - resistance) / inertia
 
             out = np.empty(len(t))
             for first, last in windows(t):
@@ -66,13 +68,15 @@ def fit_ode(case, start):
             return out - q
 
         # Differences far above what the tolerances leave of a solution.
-        return solve(residual, start, diff_step=1e-3)
+        return solve(residual, start.vector(case.offset), diff_step=1e-3)
 
     return estimate
 
 
 def solve(residual, start, **options):
-    start = start.vector()
-    bounds = (0.02 * start, 50.0 * start)
-    result = scipy.optimize.least_squares(residual, start, bounds=bounds, x_scale=start, max_nfev=100, **options)
+    scale = np.abs(start)
+    # What is positive stays so; the offset may change its sign.
+    low, high = 0.02 * scale, 50.0 * scale
+    low[3:] = -high[3:]
+    result = scipy.optimize.least_squares(residual, start, bounds=(low, high), x_scale=scale, max_nfev=100, **options)
     return Parameters(*map(float, result.x)), f"{result.nfev} steps"

@@ -16,7 +16,7 @@ Written by `tests/peers/run`, which anyone can run: it needs Python and a packag
 `target/peers`. Everything below is one run on one machine ({machine}; {versions}).
 
 **The same for all.** The model is one inertia with Coulomb and viscous friction, `J·dv/dt = k·u − Fc·sgn v − Fv·v`, `k`
-known. A method sees the first 70 % of a recording. Its parameters go into a Bristle model file, and `bristle simulate
+known; EMPS is fitted with the constant resistance of its published model, too. A method sees the first 70 % of a recording. Its parameters go into a Bristle model file, and `bristle simulate
 --horizon 1` runs it over the last 30 %: *held-out nrmse* is the RMS error of the position change in windows of 1 s from the
 measured state, over the RMS of the measured change. Simulated recordings last 30 s at 1 kHz, with a quantising encoder and
 an unrecorded torque of 2 % of the drive (RMS).
@@ -35,13 +35,13 @@ Bristle the whole process counts, with reading, the choice of windows, standard 
   that MuJoCo allows; same starts and bounds as SciPy.
 - *PySINDy*: a library of v, sgn v and u, with and without a constant, no threshold; velocity from a Savitzky-Golay filter
   of 41 samples; weak form with windows of ±0.1 s. It needs no start values. A constant found is judged with it.
-- *Bristle*: a file that says `"?"` three times. It needs no start values and gives standard errors.
+- *Bristle*: a file that says `"?"` for each parameter. It needs no start values and gives standard errors.
 
 **Times beside Bristle's**, over all tables (the whole program against a peer's bare fit):
 {ratios}
 
 Errors of parameters are relative to the reference: the true values of a simulated axis, the published ones of EMPS
-(A. Janot, M. Gautier, M. Brunot, 2019), which belong to a model with one parameter more.
+(A. Janot, M. Gautier, M. Brunot, 2019), which belong to the model with the offset.
 """
 
 
@@ -87,15 +87,16 @@ def duration(seconds):
 
 def table(case, rows):
     fastest = rows[0].seconds
+    names = ["J", "Fc", "Fv", "c"] if case.offset else ["J", "Fc", "Fv"]
     lines = [
         f"## {case.name}",
         "",
-        "| method | J | Fc | Fv | held-out nrmse | time | × Bristle |",
-        "| --- | ---: | ---: | ---: | ---: | ---: | ---: |",
+        f"| method | {' | '.join(names)} | held-out nrmse | time | × Bristle |",
+        "| --- |" + " ---: |" * (len(names) + 3),
     ]
-    truth = case.reference.vector()
+    truth = case.reference.vector(case.offset)
     for row in rows:
-        errors = " | ".join(percent(e) for e in row.parameters.vector() / truth - 1.0)
+        errors = " | ".join(percent(e) for e in row.parameters.vector(case.offset) / truth - 1.0)
         steps = f" ({row.note})" if row.note else ""
         lines.append(
             f"| {row.method}{steps} | {errors} | {100 * row.nrmse:.2f} % | {duration(row.seconds)} | {row.seconds / fastest:.3g} |"

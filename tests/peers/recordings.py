@@ -18,8 +18,10 @@ def emps():
     for folder in ROOT.resolve().parents:
         path = folder / "shared/data/emps/emps_est.csv"
         if path.is_file():
-            # Published by A. Janot, M. Gautier, M. Brunot, 2019, for a model with an offset of −3.16 N.
-            return [Case("EMPS", path, "linear", "voltage", 35.15065188, Parameters(95.1089, 20.3935, 203.5034))]
+            # Published by A. Janot, M. Gautier, M. Brunot, 2019, for the model with an offset.
+            published = Parameters(95.1089, 20.3935, 203.5034, -3.1648)
+            case = lambda name, offset: Case(name, path, "linear", "voltage", 35.15065188, published, offset)
+            return [case("EMPS", False), case("EMPS with the offset of its published model", True)]
     print("skipped: ../shared/data/emps/emps_est.csv is not there")
     return []
 

@@ -42,11 +42,11 @@ def runner(translate):
     """The free run, each of its functions passed through `translate`."""
     step = translate(advance)
 
-    def run(t, u, q, v, first, last, inertia, coulomb, viscous, out):
+    def run(t, u, q, v, first, last, inertia, coulomb, viscous, offset, out):
         """Positions from sample `first` to one before `last`, from the state `q`, `v` there."""
         out[first] = q
         for k in range(first, last - 1):
-            moved, v = step(v, u[k], t[k + 1] - t[k], inertia, coulomb, viscous)
+            moved, v = step(v, u[k] - offset, t[k + 1] - t[k], inertia, coulomb, viscous)
             q += moved
             out[k + 1] = q
 
