@@ -372,3 +372,29 @@ fn what_is_not_there_stays_within_reach() {
     );
     assert_eq!(fall["stribeck.static"]["status"], "at a bound", "{fall}");
 }
+
+/// A Stribeck fall within a fraction of what the axis passes between two samples: the static level cannot be seen, and the error
+/// that is given says so.
+#[test]
+fn a_fall_that_does_not_show_is_left_open() {
+    const STATIC: f64 = 0.168;
+    let folder = Folder::new();
+    let levels = "coulomb = 0.113\nviscous = 0.0305\nstribeck_velocity = 0.03\n";
+    folder.write(
+        "truth.toml",
+        format!("[plant]\nmotion = \"rotary\"\ninertia = 0.12\n[friction]\nmodel = \"stribeck\"\nstatic = {STATIC}\n{levels}"),
+    );
+    folder.write(
+        "axis.toml",
+        "[plant]\nmotion = \"rotary\"\ninput = \"torque\"\ngain = 1.0\n[friction]\nmodel = \"stribeck\"\n",
+    );
+    for seed in [1, 2, 3] {
+        folder.done(&format!("simulate --model truth.toml --excite multisine --amplitude 1.2 --band 0.3:3 --control pd --bandwidth 6 --duration 32 --rate 500 --counts 65536 --noise 0.0027 --seed {seed} --out run.csv"));
+        folder.done("identify run.csv --model axis.toml --json out.json");
+        let found = &folder.json("out.json")["parameters"]["static"];
+        let off = found["value"].as_f64().expect("a value") - STATIC;
+        // No error where it is taken rather than estimated.
+        let covered = found["se"].as_f64().is_none_or(|se| off.abs() < 3.0 * se);
+        assert!(covered, "seed {seed}: {found}");
+    }
+}

@@ -4,7 +4,7 @@ use crate::model::{Model, Status};
 use crate::normal::Normal;
 
 /// A parameter this many standard errors from zero is known to a tenth or better.
-const KNOWN: f64 = 10.0;
+pub const KNOWN: f64 = 10.0;
 /// A parameter within this many standard errors of zero cannot be told from it (95 %).
 const TOLD: f64 = 2.0;
 /// Estimates correlated by more than this inflate each other's variance tenfold: `1/(1 − ρ²) > 10`, the usual limit

@@ -1,6 +1,7 @@
 //! Identification by the weak form (DBI): from recordings and a model with unknowns to values with errors.
 
 mod bend;
+mod profile;
 mod settle;
 mod side;
 mod smoothing;
@@ -12,7 +13,7 @@ use std::borrow::Cow;
 use std::sync::OnceLock;
 
 use crate::dictionary::Dictionary;
-use crate::effects::{self, Path, Search, Survey};
+use crate::effects::{self, Path, Scale, Search, Survey};
 use crate::error::{Error, Result};
 use crate::fit::{self, Fit};
 use crate::linear;
@@ -355,14 +356,9 @@ impl Workbench {
         if let Some(elsewhere) = self.elsewhere(term, model, &rest, chi2)? {
             return Ok(elsewhere);
         }
-        let (effect, scale) = (absent.effect, rest.scale());
-        let (inner, _) = effect.linear(&system::values(&absent), scale);
-        let named = effect.named(inner, &vec![0.0; effect.width()], scale);
-        for (parameter, value) in absent.parameters.iter_mut().zip(named) {
-            if !parameter.known {
-                (parameter.value, parameter.se) = (Some(value), Some(f64::INFINITY));
-                parameter.status = Status::AtBound;
-            }
+        empty(&mut absent, rest.scale());
+        for parameter in absent.parameters.iter_mut().filter(|p| !p.known) {
+            (parameter.se, parameter.status) = (Some(f64::INFINITY), Status::AtBound);
         }
         rest.terms.insert(term, absent);
         Ok((rest, chi2))
@@ -401,8 +397,10 @@ impl Workbench {
 
     /// Estimates and judges a model.
     pub fn fit(&self, model: &Model, recordings: &[Recording]) -> Result<Identified> {
-        let (mut model, chi2) = self.estimate(model)?;
+        let (optimum, chi2) = self.estimate(model)?;
+        let mut model = optimum.clone();
         self.settle(&mut model, recordings);
+        self.widen(&mut model, &optimum);
         let fit = fit::judge(&model, recordings, &self.problem.tracks)?;
         Ok(Identified { model, chi2, fit })
     }
@@ -413,9 +411,10 @@ impl Workbench {
     /// All that twins do not have is noise to them, what the model leaves out among it. A model that leaves out as much as
     /// the noise is keeps what [`Workbench::fit`] found, and a diagnosis starts from that.
     pub fn unbiased(&self, found: Identified, recordings: &[Recording]) -> Result<Identified> {
-        let Some(model) = self.settled_on_twins(&found.model, recordings) else {
+        let Some(mut model) = self.settled_on_twins(&found.model, recordings) else {
             return Ok(found);
         };
+        self.widen(&mut model, &found.model);
         let fit = fit::judge(&model, recordings, &self.problem.tracks)?;
         Ok(Identified {
             model,
@@ -461,6 +460,17 @@ impl Workbench {
             memo: &self.memo,
         };
         Ground::new(setting, Cow::Borrowed(model))
+    }
+}
+
+/// Gives the unknown parameters of a term the values that stand for coefficients of zero.
+fn empty(term: &mut Term, scale: Scale) {
+    let effect = term.effect;
+    let (inner, _) = effect.linear(&system::values(term), scale);
+    let named = effect.named(inner, &vec![0.0; effect.width()], scale);
+    let unknown = term.parameters.iter_mut().zip(named);
+    for (parameter, value) in unknown.filter(|(p, _)| !p.known) {
+        parameter.value = Some(value);
     }
 }
 
