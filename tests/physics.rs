@@ -23,8 +23,12 @@ fn spring(friction: &str) -> Axis {
 const MOTOR: &str = "resistance = 2.6\ninductance = 0.18e-3\ntorque_constant = 7.68e-3\n";
 
 fn motor(friction: &str) -> DcMotor {
+    motor_with(MOTOR, friction)
+}
+
+fn motor_with(winding: &str, friction: &str) -> DcMotor {
     DcMotor::new(&model(&format!(
-        "[plant]\nkind = \"dc-motor\"\nmotion = \"rotary\"\ninertia = 2e-5\n{MOTOR}[friction]\n{friction}"
+        "[plant]\nkind = \"dc-motor\"\nmotion = \"rotary\"\ninertia = 2e-5\n{winding}[friction]\n{friction}"
     )))
     .expect("the model is complete")
 }
@@ -324,6 +328,47 @@ fn stiff_bristles_do_not_blow_up() {
         assert!(state.z.abs() <= 5.0 / 1e6 * (1.0 + 1e-12));
     }
     close(state.x[1], 10.0 - 5.0 / 2000.0, 1e-9);
+}
+
+#[test]
+fn bristles_too_stiff_to_follow_act_as_dry_friction() {
+    // √(σ0/m)·h = 1e4 and, damped, σ1/m·h = 1e7: no step resolves either. What is left of the bristles at this scale is the law
+    // that sticks and slides, under a drive that breaks away, reverses and rests.
+    let u = |t: f64| 14.0 * (1.3 * (t + 1e-9).floor() + 0.5).sin();
+    let law = |bristles: &str| format!("coulomb = 4.0\nviscous = 0.5\n{bristles}");
+    let steps = (8000, 1e-3);
+    let dry = run(&spring(&law("")), [0.0; 2], steps, u);
+    let rests = dry.iter().filter(|s| s.x[1] == 0.0).count();
+    assert!(rests > 1000 && rests < 7000, "{rests}");
+    for damping in [
+        "",
+        "static = 4.0\nstribeck_velocity = 0.1\nbristle_damping = 1e10\n",
+    ] {
+        let model = if damping.is_empty() { "dahl" } else { "lugre" };
+        let text = format!("model = \"{model}\"\nbristle_stiffness = 1e14\n{damping}");
+        let stiff = run(&spring(&law(&text)), [0.0; 2], steps, u);
+        for (a, b) in stiff.iter().zip(&dry) {
+            assert!(
+                (a.x[0] - b.x[0]).abs() < 1e-4,
+                "{model}: {} for {}",
+                a.x[0],
+                b.x[0]
+            );
+        }
+    }
+}
+
+#[test]
+fn a_mechanism_too_fast_to_follow_has_no_state() {
+    // R/L·h = 2.6e9·1e-3: steps that neither resolve the winding nor solve its equation would only look like motion.
+    let law = "model = \"dahl\"\ncoulomb = 1e-3\nviscous = 1e-6\nbristle_stiffness = 1.0\n";
+    let plant = motor_with(&MOTOR.replace("0.18e-3", "1e-9"), law);
+    let states = run(&plant, [0.0; 3], (2, 1e-3), |_| 1.0);
+    assert!(
+        states[1..]
+            .iter()
+            .all(|s| s.x[0].is_nan() && s.x[1].is_nan())
+    );
 }
 
 #[test]

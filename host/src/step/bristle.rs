@@ -4,6 +4,11 @@
 //! velocity of the midpoint, whose mean force over the step brakes the mechanism. Second order; sliding bristles that
 //! settle a thousand times faster than the step cost nothing, as their state is never integrated. The equation of a
 //! step is solved by iteration: steps short against the bristles' own oscillation `√(σ0/m)` make it contract.
+//!
+//! Oscillation and decay at rest beyond the Nyquist frequency of the drive's steps show in no recording and are not resolved:
+//! the rule stays stable there, and its equation is solved by bracketing the friction, which rises with velocity.
+
+use std::f64::consts::PI;
 
 use bristle_core::friction::Dynamic;
 
@@ -11,10 +16,17 @@ use super::{Drive, Mechanism, Memory, moved};
 
 /// The part of a step over which the fastest mode may turn, rad.
 const TURN: f64 = 0.05;
-/// Substeps beyond this many would mean bristles faster than any recording could show.
-const MOST_SUBSTEPS: usize = 20_000;
+/// Substeps beyond this many would mean a mechanism faster than any recording could show. The state is then no longer a number:
+/// the equation of a step would not be solved, and what came out would only look like motion.
+const MOST_SUBSTEPS: f64 = 20_000.0;
 /// Iterations of the equation of a step; each takes about a factor of `2/TURN` off its error.
 const ITERATIONS: usize = 12;
+/// Turn of the bristles in a substep up to which each iteration still takes a factor of ten off.
+const CONTRACTS: f64 = 0.2;
+/// Steps that take any bracket down to rounding: every third halves it.
+const STEPS: usize = 300;
+/// Relative width of a bracket that is down to rounding.
+const PRECISION: f64 = 1e-13;
 
 pub(super) fn advance<const N: usize>(
     plant: &impl Mechanism<N>,
@@ -23,46 +35,123 @@ pub(super) fn advance<const N: usize>(
     from: Memory<N>,
     h: f64,
 ) -> Memory<N> {
-    let count = substeps(plant, law, h);
-    (0..count).fold(from, |now, _| {
-        step(plant, law, drive, now, h / count as f64)
+    let rate = own_rate(plant, law);
+    let turn = (h * rate).min(PI).max(h * plant.pace());
+    let count = (turn / TURN).ceil().max(1.0);
+    if count > MOST_SUBSTEPS || from.x.iter().any(|x| !x.is_finite()) {
+        return Memory {
+            x: [f64::NAN; N],
+            z: f64::NAN,
+        };
+    }
+    let h = h / count;
+    let contact = Contact {
+        plant,
+        law,
+        drive,
+        h,
+    };
+    let step = if h * rate <= CONTRACTS {
+        Contact::iterated
+    } else {
+        Contact::bracketed
+    };
+    (0..count as usize).fold(from, |now, _| {
+        let middle = step(&contact, now);
+        Memory {
+            x: std::array::from_fn(|k| 2.0 * middle[k] - now.x[k]),
+            z: law.advance(now.z, plant.sliding(&middle).v, h),
+        }
     })
 }
 
-fn step<const N: usize>(
-    plant: &impl Mechanism<N>,
-    law: &dyn Dynamic<f64>,
-    drive: Drive,
-    Memory { x, z }: Memory<N>,
-    h: f64,
-) -> Memory<N> {
-    let mut middle = x;
-    for _ in 0..ITERATIONS {
-        let at = plant.sliding(&middle);
-        let bent = law.stiffness() * law.advance(z, at.v, 0.5 * h) / law.level(at.v);
-        let moment = plant.moment(drive, &middle);
-        let effects = plant.contact().resistance(moment, at, bent);
-        let friction = law.mean_force(z, at.v, h) + effects;
-        let next = moved(&x, 0.5 * h, &plant.rate(drive, &middle, friction));
-        let change = (0..N).map(|k| (next[k] - middle[k]).abs() - 1e-13 * next[k].abs());
-        let settled = change.fold(f64::MIN, f64::max) <= 1e-300;
-        middle = next;
-        if settled {
-            break;
-        }
-    }
-    Memory {
-        x: std::array::from_fn(|k| 2.0 * middle[k] - x[k]),
-        z: law.advance(z, plant.sliding(&middle).v, h),
-    }
+/// The fastest rate of the mechanism on its bristles at rest, of oscillation or decay, 1/s.
+fn own_rate<const N: usize>(plant: &impl Mechanism<N>, law: &dyn Dynamic<f64>) -> f64 {
+    let m = plant.inertia();
+    let decay = (law.damping() + law.viscosity()) / m;
+    (law.stiffness() / m).sqrt().max(decay)
 }
 
-/// Substeps that resolve the oscillation and the decay of the mechanism on its bristles.
-fn substeps<const N: usize>(plant: &impl Mechanism<N>, law: &dyn Dynamic<f64>, h: f64) -> usize {
-    let m = plant.inertia();
-    let rate = (law.stiffness() / m)
-        .sqrt()
-        .max((law.damping() + law.viscosity()) / m)
-        .max(plant.pace());
-    ((h * rate / TURN).ceil() as usize).clamp(1, MOST_SUBSTEPS)
+/// What a substep of `h` seconds is solved with.
+struct Contact<'a, P> {
+    plant: &'a P,
+    law: &'a dyn Dynamic<f64>,
+    drive: Drive,
+    h: f64,
+}
+
+impl<P> Contact<'_, P> {
+    /// The friction over the substep from bristles bent by `z`, with the mechanism so in the middle of it.
+    fn friction<const N: usize>(&self, z: f64, middle: &[f64; N]) -> f64
+    where
+        P: Mechanism<N>,
+    {
+        let &Self { plant, law, h, .. } = self;
+        let at = plant.sliding(middle);
+        let bent = law.stiffness() * law.advance(z, at.v, 0.5 * h) / law.level(at.v);
+        let moment = plant.moment(self.drive, middle);
+        law.mean_force(z, at.v, h) + plant.contact().resistance(moment, at, bent)
+    }
+
+    /// The middle of the substep from `x`, where `friction` resists.
+    fn settle<const N: usize>(&self, x: &[f64; N], friction: impl Fn(&[f64; N]) -> f64) -> [f64; N]
+    where
+        P: Mechanism<N>,
+    {
+        let mut middle = *x;
+        for _ in 0..ITERATIONS {
+            let rate = self.plant.rate(self.drive, &middle, friction(&middle));
+            let next = moved(x, 0.5 * self.h, &rate);
+            let change = (0..N).map(|k| (next[k] - middle[k]).abs() - 1e-13 * next[k].abs());
+            let settled = change.fold(f64::MIN, f64::max) <= 1e-300;
+            middle = next;
+            if settled {
+                break;
+            }
+        }
+        middle
+    }
+
+    /// The middle of a substep by iteration.
+    fn iterated<const N: usize>(&self, Memory { x, z }: Memory<N>) -> [f64; N]
+    where
+        P: Mechanism<N>,
+    {
+        self.settle(&x, |middle| self.friction(z, middle))
+    }
+
+    /// The middle of a substep by the friction that brings about itself: the more of it, the slower the mechanism and the less
+    /// of it, so that any guess and what comes of it lie on both sides.
+    fn bracketed<const N: usize>(&self, Memory { x, z }: Memory<N>) -> [f64; N]
+    where
+        P: Mechanism<N>,
+    {
+        let under = |friction: f64| self.settle(&x, |_| friction);
+        let excess = |friction: f64| self.friction(z, &under(friction)) - friction;
+        let guess = self.friction(z, &x);
+        let mut ends = [guess, guess + excess(guess)];
+        let mut values = [ends[1] - ends[0], excess(ends[1])];
+        for k in 0..STEPS {
+            let [a, b] = ends;
+            // Secants, with a halving now and then: it bounds the steps where the bristles yield all at once.
+            let share = values[0] / (values[0] - values[1]);
+            let next = if k % 3 == 2 {
+                0.5 * (a + b)
+            } else {
+                a + share * (b - a)
+            };
+            if (b - a).abs() <= PRECISION * (a.abs() + b.abs()) || !next.is_finite() {
+                break;
+            }
+            let value = excess(next);
+            if (value > 0.0) == (values[1] > 0.0) {
+                // The other end stays: its value counts half, or it would stay for ever (Illinois).
+                values[0] *= 0.5;
+            } else {
+                (ends[0], values[0]) = (ends[1], values[1]);
+            }
+            (ends[1], values[1]) = (next, value);
+        }
+        under(ends[1])
+    }
 }
