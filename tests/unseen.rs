@@ -459,6 +459,20 @@ fn a_ripple_that_is_too_small_to_count_is_not_named() {
     }
 }
 
+/// Strokes at one speed leave Coulomb and viscous friction free to give way to drag: what it adds to what they can do between
+/// them is far below what counts.
+#[test]
+fn what_the_rest_makes_up_for_is_not_named() {
+    let plain = "[plant]\nmotion = \"rotary\"\ninertia = 0.0035\n[friction]\ncoulomb = 0.011\nviscous = 0.001\n";
+    for seed in 1..=3 {
+        let options = format!(
+            "--excite triangle --amplitude 2.3 --band 0.35:3.9 --control pd --bandwidth 7.8 --duration 30 --rate 250 --counts 1048576 --noise 0 --seed {seed}"
+        );
+        let json = diagnosed_of(plain, BASELINE, &options);
+        assert_eq!(json["verdict"], "adequate", "seed {seed}: {}", json["text"]);
+    }
+}
+
 /// Of three quarters at rest and an encoder so fine that few steps are of one count, an encoder's noise is told all the same.
 #[test]
 fn an_axis_that_mostly_rests_is_told_from_one_that_creeps() {

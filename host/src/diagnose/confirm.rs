@@ -138,9 +138,10 @@ fn outpredicted(
     Ok(Vec::new())
 }
 
-/// Drops effects that are too small to count, and those without which the held-out part is predicted as well: weak-form error
-/// and free run both count, as far as the axis moves enough there for them to tell, and the effect acts there at all. A load
-/// that came and went before is left to the cross-validation.
+/// Drops effects that are too small to count, in what they do or in what they do beyond what the rest of the model makes up for
+/// without them, and those without which the held-out part is predicted as well: weak-form error and free run both count, as far
+/// as the axis moves enough there for them to tell, and the effect acts there at all. A load that came and went before is left
+/// to the cross-validation.
 fn confirm(
     bench: &Workbench,
     before: &Model,
@@ -161,6 +162,7 @@ fn confirm(
             continue;
         }
         let (without, _) = bench.estimate(&lacking)?;
+        let counts = counts && leftover::differs(bench, &after, &without);
         let held_out = HeldOut::between(bench, &z, &whitened(bench, &without));
         let weak_form_helps = few || held_out.fall > 0.0;
         let chance = if !few && held_out.shows_again() {
