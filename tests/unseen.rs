@@ -473,6 +473,24 @@ fn what_the_rest_makes_up_for_is_not_named() {
     }
 }
 
+/// Bristles are straight where a recording begins at rest: taken for bent, they looked like a load that came off as the axis
+/// began to move.
+#[test]
+fn an_axis_that_begins_at_rest_begins_with_straight_bristles() {
+    const DAHL: &str = "[plant]\nmotion = \"rotary\"\ninertia = 0.009\n[friction]\nmodel = \"dahl\"\ncoulomb = 0.05\nviscous = 0.0024\nbristle_stiffness = 17\n";
+    let baseline = BASELINE.replace("coulomb-viscous", "dahl");
+    for seed in 1..=3 {
+        let options = format!(
+            "--excite sequence --amplitude 0.43 --band 0.1:0.35 --control pd --bandwidth 1.5 --duration 8 --rate 2000 --counts 1048576 --noise 0 --seed {seed}"
+        );
+        let json = diagnosed_of(DAHL, &baseline, &options);
+        assert_eq!(json["verdict"], "adequate", "seed {seed}: {}", json["text"]);
+        let stiffness = &json["baseline"]["parameters"]["bristle_stiffness"]["value"];
+        let error = stiffness.as_f64().expect("a number") / 17.0 - 1.0;
+        assert!(error.abs() < 0.005, "{error}");
+    }
+}
+
 /// Of three quarters at rest and an encoder so fine that few steps are of one count, an encoder's noise is told all the same.
 #[test]
 fn an_axis_that_mostly_rests_is_told_from_one_that_creeps() {

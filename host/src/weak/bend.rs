@@ -22,12 +22,14 @@ impl Track {
     /// At rest velocity is noise, whose path would bend them to and fro. What is left there is the displacement from one
     /// end of the rest to the other; where the breakaway distance is too short for the encoder to show it, an axis that
     /// moves on has bent them fully in the direction that it moves to.
+    ///
+    /// A recording that begins at rest begins with straight bristles, and one that begins in motion with those that coming up to
+    /// its speed has bent.
     pub fn bend(&self, law: &dyn Dynamic<f64>) -> Vec<Bent> {
         let breakaway = law.level(0.0) / law.stiffness();
         let shows = breakaway >= CERTAIN * self.position_noise;
         let mut bent = Vec::with_capacity(self.cells.len());
-        let first = self.cells.first().map_or(0.0, |c| c.v);
-        let mut z = law.level(first) / law.stiffness() * first.signum();
+        let mut z = law.advance(0.0, self.v[0], self.run_up());
         while bent.len() < self.cells.len() {
             let from = bent.len();
             let rest = self.sliding[from..]
@@ -63,5 +65,16 @@ impl Track {
             });
         }
         bent
+    }
+    /// Seconds at the speed of the first node that go as far as the axis went to come up to it, at the largest acceleration of
+    /// the track: `½·v/a`.
+    fn run_up(&self) -> f64 {
+        let rises = self.v.windows(2).map(|v| (v[1] - v[0]).abs());
+        let largest = rises.fold(0.0, f64::max) / self.period;
+        if largest > 0.0 {
+            0.5 * self.v[0].abs() / largest
+        } else {
+            0.0
+        }
     }
 }
