@@ -491,6 +491,23 @@ fn an_axis_that_begins_at_rest_begins_with_straight_bristles() {
     }
 }
 
+/// Where an axis turns so slowly that the encoder does not say when it halts, the direction of friction is a guess, and a wrong
+/// guess was named gravity, torque ripple, delay, saturation and more.
+#[test]
+fn what_the_encoder_does_not_resolve_is_not_named() {
+    const STICKS: &str = "[plant]\nmotion = \"rotary\"\ninertia = 0.003\n[friction]\nmodel = \"static\"\ncoulomb = 0.0067\nviscous = 0.0021\nstatic = 0.0087\nstribeck_velocity = 0.0084\n";
+    let baseline = BASELINE.replace("coulomb-viscous", "static");
+    for amplitude in ["0.0193", "0.0195", "0.0201"] {
+        let options = format!(
+            "--excite triangle --amplitude {amplitude} --band 0.37:1.3 --duration 26 --rate 4000 --counts 16384 --seed 1"
+        );
+        let json = diagnosed_of(STICKS, &baseline, &options);
+        assert_eq!(json["verdict"], "adequate", "{amplitude}: {}", json["text"]);
+        let warnings = json["warnings"].as_array().expect("an array");
+        assert!(warnings.iter().any(|w| w["id"] == "coarse-reversals"));
+    }
+}
+
 /// Of three quarters at rest and an encoder so fine that few steps are of one count, an encoder's noise is told all the same.
 #[test]
 fn an_axis_that_mostly_rests_is_told_from_one_that_creeps() {

@@ -98,6 +98,14 @@ pub fn creeps(term: &Term, motion: Motion) -> Warning {
     )
 }
 
+/// What there is to know of an axis that nothing was found on but at reversals that the encoder does not resolve.
+pub fn unresolved() -> Warning {
+    Warning::weak(
+        "coarse-reversals",
+        "The model fits all but reversals that take the axis too long over too few steps of the encoder to tell when it moves; there, nothing is said. Reverse faster, or use a finer encoder.".to_owned(),
+    )
+}
+
 /// Root mean square.
 fn rms(x: impl Iterator<Item = f64>) -> f64 {
     let (count, sum) = x.fold((0.0, 0.0), |(count, sum), x| (count + 1.0, sum + x * x));

@@ -53,7 +53,57 @@ const DEPARTS: f64 = 2.0;
 const BESIDE_UNKNOWN: f64 = 0.3;
 
 /// Diagnoses a baseline that has been fitted on a workbench. `progress` is told what is being done.
+///
+/// Where the encoder is too coarse for a reversal, the direction of friction is a guess there, and a wrong one is what any effect may
+/// stand in for. So what is left out must show elsewhere as well, unless its strongest part is one that shows at reversals only.
 pub fn diagnose(
+    bench: &Workbench,
+    baseline: &Identified,
+    recordings: &[Recording],
+    progress: &dyn Fn(&str),
+) -> Result<Outcome> {
+    let outcome = diagnosed(bench, baseline, recordings, progress)?;
+    let found = &outcome.diagnosis;
+    let strongest = found.findings.first();
+    if found.verdict == Verdict::Adequate || strongest.is_some_and(|f| AT_REVERSALS.contains(&f.id))
+    {
+        return Ok(outcome);
+    }
+    let Some(mut elsewhere) = away_from_unresolved(bench, baseline, recordings, progress) else {
+        return Ok(outcome);
+    };
+    elsewhere.diagnosis.warnings.push(check::unresolved());
+    let warnings = &elsewhere.diagnosis.warnings;
+    elsewhere.diagnosis.text = verdict_sentence(Verdict::Adequate, &[], None, warnings);
+    Ok(elsewhere)
+}
+
+/// The diagnosis away from reversals that the encoder does not resolve, if they are a minority and the model is adequate there.
+fn away_from_unresolved(
+    bench: &Workbench,
+    baseline: &Identified,
+    recordings: &[Recording],
+    progress: &dyn Fn(&str),
+) -> Option<Outcome> {
+    let resolved = bench.resolved(&baseline.model)?;
+    if 2 * resolved.problem.rows.len() < bench.problem.rows.len() {
+        return None;
+    }
+    progress("the same away from reversals that the encoder does not resolve");
+    let baseline = resolved.fit(&baseline.model, recordings).ok()?;
+    // Before the long search: without a finding, this alone decides.
+    if leftover::of(&resolved, &baseline.model).ok()?.certain {
+        return None;
+    }
+    let outcome = diagnosed(&resolved, &baseline, recordings, progress).ok()?;
+    (outcome.diagnosis.verdict == Verdict::Adequate).then_some(outcome)
+}
+
+/// Effects that show at reversals only, or hardly anywhere else.
+const AT_REVERSALS: [&str; 4] = ["stribeck", "presliding", "backlash", "compliance"];
+
+/// One diagnosis over all windows of a workbench.
+fn diagnosed(
     bench: &Workbench,
     baseline: &Identified,
     recordings: &[Recording],

@@ -13,6 +13,7 @@ use std::fmt::Write;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use crate::axis::Axis;
 use crate::diagnose::{Diagnosis, Outcome};
 use crate::effects::{self, Quantity};
 use crate::error::Result;
@@ -124,10 +125,13 @@ fn rivals(outcome: &Outcome, bench: &Workbench) -> (Vec<String>, Vec<Model>) {
                 parameters: vec![Parameter::unknown(); effect.parameters().len()],
                 in_law: false,
             };
-            // A rival that cannot be fitted is none.
+            // One that cannot be fitted is no rival, nor one that another finding leaves no room for.
             let Ok((model, _)) = bench.estimate(&model) else {
                 continue;
             };
+            if Axis::new(&model).is_err() {
+                continue;
+            }
             for id in [finding.id, rival.id] {
                 if !ids.iter().any(|known| known == id) {
                     ids.push(id.to_owned());

@@ -206,6 +206,24 @@ impl Workbench {
         Self::on(&self.problem.tracks, model, options)
     }
 
+    /// The same without windows over reversals that the encoder does not resolve. `None` if it resolves them all, or if too little
+    /// is left without them.
+    pub fn resolved(&self, model: &Model) -> Option<Self> {
+        let mut tracks = self.problem.tracks.clone();
+        let reaches = self.problem.windows.iter().map(|w| w.reach);
+        let barred: usize = (tracks.iter_mut().zip(reaches))
+            .map(|(track, reach)| track.bar_unresolved(reach))
+            .sum();
+        let options = Options {
+            half_width: Some(self.problem.half_width()),
+        };
+        let rest = (barred > 0).then(|| Self::on(&tracks, model, options));
+        Some(Self {
+            balance: self.balance,
+            ..rest?.ok()?
+        })
+    }
+
     /// The same under narrower windows, whose rows minimise the error of the same side of the equation. Which side a
     /// disturbance is independent of is for the wider windows to say: narrow ones hold more noise of the encoder, and a hum
     /// that only they pass is in the comparison of the sides, where no generic function follows it.

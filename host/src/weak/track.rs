@@ -24,7 +24,7 @@ pub struct Track {
     /// Share of each cell in which the axis slides. At rest friction is whatever balances the other forces, so both
     /// sides of the equation of motion are left out there.
     pub sliding: Vec<f64>,
-    /// Cells that bridge a gap in the recording.
+    /// Cells that bridge a gap in the recording, or are not to be used for another reason.
     pub barred: Vec<bool>,
     /// Standard deviation of the position noise: quantisation, or what a smooth curve cannot follow.
     pub position_noise: f64,
@@ -130,6 +130,9 @@ const CERTAIN_TRAVEL: f64 = 4.0;
 /// Speed at the first sample, beyond its noise, up to which the axis begins at rest, as a share of the RMS speed: one that
 /// passes by at random is as slow in about one of fifty cases.
 const AT_REST: f64 = 0.02;
+/// Time of unknown direction that windows bear, as a share of their half-width. A reversal somewhere within it is misplaced by
+/// its √12th, and friction, twice as large across it, errs by a sixth or so in a window: more than most that is looked for.
+const UNRESOLVED: f64 = 0.25;
 /// A pause between samples longer than this many intervals is a gap that nothing is interpolated across.
 const GAP: f64 = 5.0;
 /// Timing within this share of an interval counts as uniform.
@@ -369,11 +372,9 @@ impl Track {
         }
     }
 
-    /// Fits every reversal that has enough motion in one direction on both of its sides, and keeps what describes the
-    /// positions at least as well as the filter does.
-    fn reversals(&self, filter: &Differentiator, balance: Option<Balance>) -> Vec<Reversal> {
+    /// Stretches of certain direction: first node, one past the last, direction.
+    fn stretches(&self) -> Vec<(usize, usize, f64)> {
         let slow = SLOW * self.velocity_noise;
-        // Stretches of certain direction: first node, one past the last, direction.
         let mut stretches: Vec<(usize, usize, f64)> = Vec::new();
         for (k, v) in self.v.iter().enumerate().filter(|(_, v)| v.abs() > slow) {
             match stretches.last_mut() {
@@ -385,6 +386,42 @@ impl Track {
         stretches.retain(|&(from, to, direction)| {
             direction * (self.q[to - 1] - self.q[from]) > CERTAIN_TRAVEL * self.position_noise
         });
+        stretches
+    }
+
+    /// Bars the cells around reversals at which friction is of unknown direction, or none at all, for longer than a share of
+    /// `reach` samples, and says how many reversals those are.
+    ///
+    /// Within a certain travel `x` of where the axis turns, positions do not say whether it still moves. An axis that brakes
+    /// evenly takes `√(2x/a)` for that, as long as it has taken from `4x` to `x`, which does show; likewise on the other side.
+    /// A rest in between is none of it.
+    pub fn bar_unresolved(&mut self, reach: usize) -> usize {
+        let travel = CERTAIN_TRAVEL * self.position_noise;
+        let longest = UNRESOLVED * reach as f64;
+        let stretches = self.stretches();
+        let turns = stretches.windows(2).filter(|pair| pair[0].2 != pair[1].2);
+        let mut barred = 0;
+        for pair in turns {
+            let (halt, start) = (pair[0].1 - 1, pair[1].0);
+            let place = 0.5 * (self.q[halt] + self.q[start]);
+            let off = |k: &usize, x: f64| (self.q[*k] - place).abs() >= x;
+            let before = |x| (0..=halt).rev().find(|k| off(k, x)).unwrap_or(0);
+            let last = self.q.len() - 1;
+            let after = |x| (start..=last).find(|k| off(k, x)).unwrap_or(last);
+            let (from, to) = (before(travel), after(travel));
+            let uncertain = from - before(4.0 * travel) + after(4.0 * travel) - to;
+            if uncertain as f64 > longest {
+                self.barred[from..to].fill(true);
+                barred += 1;
+            }
+        }
+        barred
+    }
+
+    /// Fits every reversal that has enough motion in one direction on both of its sides, and keeps what describes the
+    /// positions at least as well as the filter does.
+    fn reversals(&self, filter: &Differentiator, balance: Option<Balance>) -> Vec<Reversal> {
+        let stretches = self.stretches();
         let input = balance
             .map(|_| self.input(&Path::default()))
             .unwrap_or_default();
@@ -715,5 +752,34 @@ mod tests {
         let track = Track::new(&recording, Motion::Rotary, None);
         assert!(track.sliding[1100..1900].iter().all(|&s| s == 0.0));
         assert!(track.sliding[100..900].iter().all(|&s| s == 1.0));
+    }
+
+    /// At 1 rad/s² a coarse encoder hides some 50 ms on either side of the halt, a fine one 5 ms, and a rest is no part of it.
+    #[test]
+    fn reversals_too_slow_for_the_encoder_are_barred() {
+        let barred = |step: f64, rest: f64| {
+            let t: Vec<f64> = (0..2500).map(|k| f64::from(k) * 1e-3).collect();
+            let off = |t: f64| (1.0 - t).max(0.0) + (t - 1.0 - rest).max(0.0);
+            let q = t
+                .iter()
+                .map(|&t| (-0.5 * off(t).powi(2) / step).round() * step);
+            let recording = Recording {
+                path: "turn.csv".into(),
+                u: vec![0.0; t.len()],
+                q: Some(q.collect()),
+                t,
+                ..Recording::default()
+            };
+            let mut track = Track::new(&recording, Motion::Rotary, None);
+            let turns = track.bar_unresolved(100);
+            let cells = track.barred.iter().filter(|b| **b).count();
+            assert_eq!(turns > 0, cells > 0);
+            assert!(cells == 0 || track.barred[1000]);
+            cells
+        };
+        assert_eq!(barred(1e-5, 0.0), 0);
+        assert_eq!(barred(1e-5, 0.5), 0);
+        assert!((60..130).contains(&barred(1e-3, 0.0)));
+        assert!((560..630).contains(&barred(1e-3, 0.5)));
     }
 }
