@@ -508,6 +508,19 @@ fn what_the_encoder_does_not_resolve_is_not_named() {
     }
 }
 
+/// Positions of a simulator without noise stay exactly the same at rest, but what a filter makes of them is rounded: the last
+/// digit was taken for motion, and friction for none.
+#[test]
+fn rest_without_any_noise_is_rest() {
+    const SLOW: &str = "[plant]\nmotion = \"rotary\"\ninertia = 0.0006\n[friction]\ncoulomb = 0.0048\nviscous = 0.0026\n";
+    let options = "--excite steps --amplitude 0.0096 --band 0.14:0.83 --duration 10 --rate 4000 --noise 0.00005 --seed 9006";
+    let json = diagnosed_of(SLOW, BASELINE, options);
+    assert_eq!(json["verdict"], "adequate", "{}", json["text"]);
+    let coulomb = &json["baseline"]["parameters"]["coulomb"]["value"];
+    let error = coulomb.as_f64().expect("a number") / 0.0048 - 1.0;
+    assert!(error.abs() < 0.02, "{error}");
+}
+
 /// Of three quarters at rest and an encoder so fine that few steps are of one count, an encoder's noise is told all the same.
 #[test]
 fn an_axis_that_mostly_rests_is_told_from_one_that_creeps() {

@@ -66,6 +66,7 @@ impl Track {
         }
         bent
     }
+
     /// Seconds at the speed of the first node that go as far as the axis went to come up to it, at the largest acceleration of
     /// the track: `½·v/a`.
     fn run_up(&self) -> f64 {

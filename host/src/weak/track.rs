@@ -216,6 +216,9 @@ impl Track {
         if velocity_only {
             track.position_noise *= period;
         }
+        // Nothing is told from the rounding of what a filter sums up, or rest would look like motion where there is no noise.
+        let largest = track.q.iter().fold(0.0_f64, |a, q| a.max(q.abs()));
+        track.position_noise = track.position_noise.max(f64::EPSILON * largest);
         let filter = match smoothing {
             None => track.differentiate(velocity_only),
             Some(smoothing) => track.differentiate_as(smoothing, velocity_only),
