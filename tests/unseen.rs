@@ -30,8 +30,9 @@ fn diagnosed(effect: &str, bench: &str) -> Value {
     diagnosed_of(&format!("{PLAIN}{effect}"), BASELINE, &options)
 }
 
-fn value(finding: &Value, parameter: &str) -> f64 {
-    finding["parameters"][parameter]["value"]
+/// A parameter of a finding, of the baseline, or of the final model.
+fn value(of: &Value, parameter: &str) -> f64 {
+    of["parameters"][parameter]["value"]
         .as_f64()
         .unwrap_or(f64::NAN)
 }
@@ -262,8 +263,8 @@ fn a_friction_law_does_not_stand_in_for_gravity() {
         (value(gravity, "amplitude") - 0.15).abs() < 0.01,
         "{gravity}"
     );
-    let level = &json["baseline"]["parameters"]["coulomb"]["value"];
-    assert!(level.as_f64().is_some_and(|level| level >= 0.0), "{level}");
+    let level = value(&json["baseline"], "coulomb");
+    assert!(level >= 0.0, "{level}");
 }
 
 /// Of an imposed motion the force is measured when the motion is. Held until the next sample it would lag by half of an interval,
@@ -380,7 +381,7 @@ fn a_winding_that_the_model_knows_is_no_lag() {
     folder.done("diagnose run.csv --model asked.toml --json knows.json");
     let json = folder.json("knows.json");
     assert_eq!(json["verdict"], "adequate", "{}", json["text"]);
-    let inertia = json["parameters"]["inertia"]["value"].as_f64().unwrap();
+    let inertia = value(&json, "inertia");
     assert!((inertia / 2e-5 - 1.0).abs() < 0.02, "{inertia:e}");
     folder.done("diagnose run.csv --model bare.toml --json lacks.json");
     let id = folder.json("lacks.json")["findings"][0]["id"].clone();
@@ -485,8 +486,7 @@ fn an_axis_that_begins_at_rest_begins_with_straight_bristles() {
         );
         let json = diagnosed_of(DAHL, &baseline, &options);
         assert_eq!(json["verdict"], "adequate", "seed {seed}: {}", json["text"]);
-        let stiffness = &json["baseline"]["parameters"]["bristle_stiffness"]["value"];
-        let error = stiffness.as_f64().expect("a number") / 17.0 - 1.0;
+        let error = value(&json["baseline"], "bristle_stiffness") / 17.0 - 1.0;
         assert!(error.abs() < 0.005, "{error}");
     }
 }
@@ -516,8 +516,7 @@ fn rest_without_any_noise_is_rest() {
     let options = "--excite steps --amplitude 0.0096 --band 0.14:0.83 --duration 10 --rate 4000 --noise 0.00005 --seed 9006";
     let json = diagnosed_of(SLOW, BASELINE, options);
     assert_eq!(json["verdict"], "adequate", "{}", json["text"]);
-    let coulomb = &json["baseline"]["parameters"]["coulomb"]["value"];
-    let error = coulomb.as_f64().expect("a number") / 0.0048 - 1.0;
+    let error = value(&json["baseline"], "coulomb") / 0.0048 - 1.0;
     assert!(error.abs() < 0.02, "{error}");
 }
 
@@ -527,8 +526,7 @@ fn an_axis_that_mostly_rests_is_told_from_one_that_creeps() {
     let options = "--excite multisine --amplitude 0.4 --band 0.2:3 --rate 1000 --counts 1048576 --noise 0.0003 --seed 14";
     let json = diagnosed_of(PLAIN, BASELINE, options);
     assert_eq!(json["verdict"], "adequate", "{}", json["text"]);
-    let coulomb = &json["baseline"]["parameters"]["coulomb"]["value"];
-    let error = coulomb.as_f64().expect("a number") / 0.12 - 1.0;
+    let error = value(&json["baseline"], "coulomb") / 0.12 - 1.0;
     assert!(error.abs() < 0.01, "{error}");
 }
 

@@ -24,7 +24,7 @@ pub struct Track {
     /// Share of each cell in which the axis slides. At rest friction is whatever balances the other forces, so both
     /// sides of the equation of motion are left out there.
     pub sliding: Vec<f64>,
-    /// Cells that bridge a gap in the recording, or are not to be used for another reason.
+    /// Cells that no window may lie on: those that bridge a gap in the recording, and what [`Track::bar_unresolved`] adds.
     pub barred: Vec<bool>,
     /// Standard deviation of the position noise: quantisation, or what a smooth curve cannot follow.
     pub position_noise: f64,
@@ -217,8 +217,8 @@ impl Track {
             track.position_noise *= period;
         }
         // Nothing is told from the rounding of what a filter sums up, or rest would look like motion where there is no noise.
-        let largest = track.q.iter().fold(0.0_f64, |a, q| a.max(q.abs()));
-        track.position_noise = track.position_noise.max(f64::EPSILON * largest);
+        let rounding = f64::EPSILON * largest(&track.q);
+        track.position_noise = track.position_noise.max(rounding);
         let filter = match smoothing {
             None => track.differentiate(velocity_only),
             Some(smoothing) => track.differentiate_as(smoothing, velocity_only),
@@ -578,11 +578,16 @@ fn resample(t: &[f64], x: &[f64], period: f64) -> Vec<f64> {
         .collect()
 }
 
+/// Largest absolute value of a signal.
+fn largest(x: &[f64]) -> f64 {
+    x.iter().fold(0.0, |a, b| a.max(b.abs()))
+}
+
 /// Step of the quantiser behind a signal: the smallest step that it makes, if a hundredth of all repeat it or the others are
 /// multiples of it, as those of a signal that nothing quantises are in one of ten cases; else 0. Samples at rest make no
 /// steps. Its noise has the variance Δ²/12 while the axis moves.
 fn quantum(x: &[f64]) -> f64 {
-    let largest = x.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
+    let largest = largest(x);
     let steps = x.windows(2).map(|w| (w[1] - w[0]).abs());
     let steps: Vec<f64> = steps.filter(|&d| d > 1e-12 * largest).collect();
     let smallest = steps.iter().copied().fold(f64::INFINITY, f64::min);
