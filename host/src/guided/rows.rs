@@ -27,11 +27,19 @@ impl Rows {
         self.0.truncate(driven.map_or(0, |last| last + 1));
     }
 
-    /// Drops the rows from a period on.
-    pub fn end_before(&mut self, period: u32) {
+    /// Drops what comes so many periods after a start, or after the first row if that is later: a telemetry frame that was on its
+    /// way when the recording began tells of a period before it.
+    pub fn end_after(&mut self, start: u32, periods: u32) {
         // Numbers wrap, and no recording is half as long as that takes.
-        let is_before = |row: &Row| (row.period.wrapping_sub(period) as i32) < 0;
-        self.0.retain(is_before);
+        let since = |from: u32, period: u32| period.wrapping_sub(from) as i32;
+        let first = self.0.first().map_or(start, |row| row.period);
+        let from = if since(start, first) > 0 {
+            first
+        } else {
+            start
+        };
+        self.0
+            .retain(|row| since(from, row.period) < periods as i32);
     }
 
     /// The recording, of control periods of so many seconds.
@@ -93,11 +101,20 @@ mod tests {
         assert_eq!(all.record(0.5).t, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
         all.cut();
         assert_eq!(all.record(0.5).u, [0.0, 0.5, 0.0, 0.5]);
-        all.end_before(0);
+        all.end_after(3_u32.wrapping_neg(), 3);
         assert_eq!(all.record(0.5).q, [0.0, 1.0]);
         let mut none = rows(&[0.0; 3]);
         none.cut();
         assert!(none.0.is_empty());
+    }
+
+    #[test]
+    fn a_recording_that_begins_after_the_first_frame_is_as_long_as_the_run() {
+        for start in [5_u32, 4].map(u32::wrapping_neg) {
+            let mut all = rows(&[0.5; 6]);
+            all.end_after(start, 8);
+            assert_eq!(all.record(0.5).q, [0.0, 1.0, 2.0, 3.0]);
+        }
     }
 
     #[test]

@@ -92,7 +92,7 @@ pub fn run<W: Wire>(
     }
     match (&ending, going.start) {
         (Ending::Whole, Some(start)) => {
-            rows.end_before(start.wrapping_add(going.set_points.len() as u32));
+            rows.end_after(start, going.set_points.len() as u32);
         }
         _ => rows.cut(),
     }
