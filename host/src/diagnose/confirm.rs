@@ -228,3 +228,29 @@ const BY_CHANCE: f64 = 1.0;
 const LEAST_MOTION: f64 = 0.1;
 /// Nor do fewer rows than this about the weak form.
 const FEWEST_HELD_OUT: usize = 20;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Windows of one sample each, in which a force of 1 is predicted with these squared errors.
+    fn run(squares: [f64; 5]) -> Parts {
+        let window = |square: f64| fit::of_force(1.0 + square.sqrt(), 1.0);
+        Parts {
+            train: vec![window(0.04)],
+            held_out: squares.map(window).to_vec(),
+        }
+    }
+
+    /// That one window alone goes wrong may be chance, but no chance that may pass is as large as the error before.
+    #[test]
+    fn an_error_that_doubles_is_worse_whatever_chance_may_do() {
+        let without = run([0.04; 5]);
+        let one_more = |rise: f64| run([0.04 + rise, 0.04, 0.039, 0.04, 0.041]);
+        let worse = |with: &Parts, chance| worsens(with, &without, Causality::Forward, chance);
+        assert!(!worse(&run([0.04; 5]), BY_CHANCE));
+        assert!(!worse(&one_more(0.1), 1.01 * BY_CHANCE));
+        assert!(worse(&one_more(0.1), 0.0));
+        assert!(worse(&one_more(0.25), 1.01 * BY_CHANCE));
+    }
+}
