@@ -56,6 +56,26 @@ fn a_fast_hum_is_found() {
     );
 }
 
+/// A torque that is not recorded drives the axis six times as strongly as the one that is. No window contradicts a model that
+/// takes it for noise, but neither does the model predict anything.
+#[test]
+fn a_model_that_predicts_nothing_is_not_adequate() {
+    for seed in 4..7 {
+        let options = format!(
+            "--excite multisine --amplitude 0.05 --band 0.2:3 --duration 6 --rate 250 --counts 1024 --noise 0.3 --seed {seed}"
+        );
+        let json = diagnosed_of(PLAIN, BASELINE, &options);
+        let text = json["text"].as_str().unwrap_or_default();
+        assert_eq!(json["verdict"], "unknown", "{text}");
+        let errors = ["train", "held_out"].map(|part| json["fit"]["after"][part]["nrmse"].as_f64());
+        assert!(
+            errors.iter().all(|e| e.is_some_and(|e| e > 0.5)),
+            "{errors:?}"
+        );
+        assert!(text.contains("hardly predicts the motion"), "{text}");
+    }
+}
+
 /// Rows are whitened by what is taken for noise, and windows that pass but the foot of a hum show it as the swing of a load.
 #[test]
 fn a_strong_hum_is_neither_noise_nor_a_load() {
