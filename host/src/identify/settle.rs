@@ -21,7 +21,9 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::{Workbench, twin::Twin, way::Way};
+use super::Workbench;
+use super::twin::{Draw, Twin};
+use super::way::Way;
 use crate::model::{Causality, Model};
 use crate::noise::Noise;
 use crate::problem::{Problem, Row};
@@ -209,7 +211,7 @@ impl Workbench {
                 at: (draw as f64 + 0.5) / DRAWS as f64,
                 load: if draw.is_multiple_of(2) { load } else { -load },
                 seed: draw as u64,
-                pair: draw as u64 / 2,
+                load_seed: draw as u64 / 2,
             });
             let problem = self.twin(model, recordings, draw)?;
             let residual = system::residual(&problem, model);
@@ -250,21 +252,17 @@ impl Workbench {
     fn twin(&self, model: &Model, recordings: &[Recording], draw: Option<Draw>) -> Option<Problem> {
         let before = &self.problem;
         let track = |(index, (recording, track)): (u64, (&Recording, &Track))| {
-            let Draw {
-                at,
-                load,
-                seed,
-                pair,
-            } = draw.unwrap_or_default();
-            let twin = Twin::new(model, recording, track, load, pair ^ index << 32)?;
+            let own = draw.map(|draw| Draw {
+                seed: draw.seed ^ index << 32,
+                load_seed: draw.load_seed ^ index << 32,
+                ..draw
+            });
+            let twin = Twin::new(model, recording, track, own)?.recording(recording);
             let made = match draw {
-                None => Track::new(&twin.ideal(recording), before.motion, None),
-                Some(_) => Track::smoothed(
-                    &twin.seen(recording, track, at, seed ^ index << 32),
-                    before.motion,
-                    self.balance,
-                    Some(track.smoothing),
-                ),
+                None => Track::new(&twin, before.motion, None),
+                Some(_) => {
+                    Track::smoothed(&twin, before.motion, self.balance, Some(track.smoothing))
+                }
             };
             Some(made.piece_of(track.whole, track.boundary))
         };
@@ -274,18 +272,6 @@ impl Workbench {
         let problem = Problem::new(tracks, &reaches, before.motion, before.response);
         Some(problem)
     }
-}
-
-/// What is drawn for one twin of each recording.
-#[derive(Clone, Copy, Default)]
-struct Draw {
-    /// Where the steps of the encoder lie, from 0 to 1.
-    at: f64,
-    /// RMS of the load, and its sign.
-    load: f64,
-    /// Of the noise of the sensors, and of the load, which two twins share but for its sign.
-    seed: u64,
-    pair: u64,
 }
 
 fn less(rows: &[f64], offset: &[f64]) -> Vec<f64> {

@@ -2,6 +2,7 @@
 
 use std::f64::consts::TAU;
 
+use nalgebra::{DMatrix, DVector};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -13,91 +14,117 @@ use crate::step::State;
 use crate::system;
 use crate::weak::Track;
 
-/// Bandwidth with which the motion of a twin follows the measured one, Hz: within that of the test functions (7 Hz), so
-/// that both go through the same reversals, and below what an encoder's counts would shake.
+/// Bandwidth with which the motion of a twin follows the measured one where no controller sees to that, Hz: within that of the
+/// test functions (7 Hz), so that both go through the same reversals, and below what an encoder's counts would shake.
 const FOLLOWS: f64 = 6.0;
 
-/// The motion of an axis that is exactly a model, and the input that drives it.
+/// The motion of an axis that is exactly a model, the input that drives it, and what its sensors show.
 pub(super) struct Twin {
     u: Vec<f64>,
     states: Vec<State>,
+    seen: Vec<f64>,
+}
+
+/// What is drawn for a twin.
+#[derive(Clone, Copy)]
+pub(super) struct Draw {
+    /// Where the steps of the encoder lie, from 0 to 1.
+    pub at: f64,
+    /// RMS of the load in N·m or N, drawn for every sample; that of a negative one is the opposite.
+    pub load: f64,
+    /// Of the noise of the sensors.
+    pub seed: u64,
+    /// Of the load.
+    pub load_seed: u64,
 }
 
 impl Twin {
-    /// Under the recorded input and what it takes besides to stay with the measured motion, while a load of this size, in
-    /// N·m or N RMS and drawn for every sample by `seed`, disturbs it; that of a negative size is the opposite. `None` where
-    /// the model describes no such axis.
+    /// Under the recorded input and what keeps it with the measured motion; without a draw, undisturbed and with ideal sensors.
+    /// `None` where the model describes no such axis.
+    ///
+    /// Where the input comes from a [`controller`], that keeps the twin there, too: told what the twin's sensors show, since it
+    /// shakes the axis with the very counts that it reads.
     pub fn new(
         model: &Model,
         recording: &Recording,
         track: &Track,
-        load: f64,
-        seed: u64,
+        draw: Option<Draw>,
     ) -> Option<Self> {
         if system::path(model).divides() {
             // Held by its load, the axis would shake itself at its resonance.
             return None;
         }
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let measured: Vec<State> = (0..recording.t.len())
+            .map(|k| measured_state(recording, track, k))
+            .collect();
+        let kept = |gains: Option<&[f64]>| {
+            let sensors = draw.map(|draw| Sensors::new(recording, track, draw));
+            let twin = Self::kept(model, recording, &measured, (gains, draw, sensors))?;
+            let finite = |s: &State| s.q.is_finite() && s.v.is_finite();
+            twin.states.iter().all(finite).then_some(twin)
+        };
+        let controlled = controller(recording).and_then(|gains| kept(Some(&gains)));
+        controlled
+            .filter(|twin| twin.stays_with(&measured))
+            .or_else(|| kept(None))
+    }
+
+    /// By a controller of these gains, or else so that it follows with [`FOLLOWS`].
+    fn kept(
+        model: &Model,
+        recording: &Recording,
+        measured: &[State],
+        (gains, draw, mut sensors): (Option<&[f64]>, Option<Draw>, Option<Sensors>),
+    ) -> Option<Self> {
+        let load = draw.map_or(0.0, |draw| draw.load);
+        let mut rng = ChaCha8Rng::seed_from_u64(draw.map_or(0, |draw| draw.load_seed));
         let mut plant = plant::new(model).ok()?;
         let authority = plant.authority();
         let omega = TAU * FOLLOWS;
         let (t, mut u) = (&recording.t, recording.u.clone());
-        plant.start(t, &u, 0, measured_state(recording, track, 0));
-        let mut states = Vec::with_capacity(t.len());
-        for k in 0..t.len() {
-            let (wanted, is) = (measured_state(recording, track, k), plant.measured());
+        let was = recording.measured();
+        plant.start(t, &u, 0, measured[0]);
+        let (mut states, mut seen) = (Vec::with_capacity(t.len()), Vec::with_capacity(t.len()));
+        for (k, wanted) in measured.iter().enumerate() {
+            let is = plant.measured();
             states.push(is);
-            // Critically damped but for friction.
-            let lacks = omega * (wanted.q - is.q) + 2.0 * (wanted.v - is.v);
-            u[k] += omega * lacks / authority;
+            let shown = if recording.q.is_some() { is.q } else { is.v };
+            seen.push(sensors.as_mut().map_or(shown, |s| s.read(shown)));
+            u[k] += if let Some(gains) = gains {
+                let past = gains.iter().zip((0..=k).rev());
+                past.map(|(gain, k)| gain * (seen[k] - was[k])).sum::<f64>()
+            } else {
+                // Critically damped but for friction.
+                let lacks = omega * (wanted.q - is.q) + 2.0 * (wanted.v - is.v);
+                omega * lacks / authority
+            };
             if k + 1 < t.len() {
                 // A window sums hundreds, so all that counts is the variance, which is one here.
                 let unit = 3f64.sqrt() * rng.random_range(-1.0..=1.0);
                 plant.advance(t, &u, k, load * unit);
             }
         }
-        let finite = states.iter().all(|s| s.q.is_finite() && s.v.is_finite());
-        finite.then_some(Self { u, states })
+        Some(Self { u, states, seen })
     }
 
-    /// What ideal sensors show of it.
-    pub fn ideal(&self, recording: &Recording) -> Recording {
-        let column = |of: fn(&State) -> f64| Some(self.states.iter().map(of).collect());
-        let positions = recording.q.is_some();
-        Recording {
-            u: self.u.clone(),
-            q: column(|s| s.q).filter(|_| positions),
-            v: column(|s| s.v).filter(|_| !positions),
-            ..recording.clone()
-        }
+    /// Whether it errs by less than half of the motion, in position and in velocity.
+    fn stays_with(&self, measured: &[State]) -> bool {
+        let count = measured.len() as f64;
+        [|s: &State| s.q, |s: &State| s.v].iter().all(|of| {
+            let mean = measured.iter().map(of).sum::<f64>() / count;
+            let moves: f64 = measured.iter().map(|s| (of(s) - mean).powi(2)).sum();
+            let pairs = self.states.iter().zip(measured);
+            let errs: f64 = pairs.map(|(is, was)| (of(is) - of(was)).powi(2)).sum();
+            errs < 0.25 * moves
+        })
     }
 
-    /// What the sensors show of it. `at` from 0 to 1 is where the steps of an encoder lie; `seed` draws other noise.
-    pub fn seen(&self, recording: &Recording, track: &Track, at: f64, seed: u64) -> Recording {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let positions = recording.q.is_some();
-        let noise = if positions {
-            track.position_noise
-        } else {
-            track.position_noise / track.period
-        };
-        let step = track.quantum;
-        // Uniform on ±√3 has unit variance.
-        let white = 3f64.sqrt() * (noise * noise - step * step / 12.0).max(0.0).sqrt();
-        let mut sense = |x: f64| {
-            let x = x + white * rng.random_range(-1.0..=1.0);
-            if step > 0.0 {
-                ((x / step + at).floor() + 0.5 - at) * step
-            } else {
-                x
-            }
-        };
-        let mut column = |of: fn(&State) -> f64| self.states.iter().map(|s| sense(of(s))).collect();
-        let (q, v) = if positions {
-            (Some(column(|s| s.q)), None)
-        } else {
-            (None, Some(column(|s| s.v)))
+    /// What its sensors show.
+    pub fn recording(&self, recording: &Recording) -> Recording {
+        let seen = Some(self.seen.clone());
+        let (q, v) = match recording.q {
+            Some(_) => (seen, None),
+            None => (None, seen),
         };
         Recording {
             u: self.u.clone(),
@@ -105,5 +132,110 @@ impl Twin {
             v,
             ..recording.clone()
         }
+    }
+}
+
+/// The sensors of a twin.
+struct Sensors {
+    rng: ChaCha8Rng,
+    white: f64,
+    step: f64,
+    at: f64,
+}
+
+impl Sensors {
+    fn new(recording: &Recording, track: &Track, draw: Draw) -> Self {
+        let noise = match recording.q {
+            Some(_) => track.position_noise,
+            None => track.position_noise / track.period,
+        };
+        let step = track.quantum;
+        Self {
+            rng: ChaCha8Rng::seed_from_u64(draw.seed),
+            // Uniform on ±√3 has unit variance.
+            white: 3f64.sqrt() * (noise * noise - step * step / 12.0).max(0.0).sqrt(),
+            step,
+            at: draw.at,
+        }
+    }
+
+    fn read(&mut self, x: f64) -> f64 {
+        let x = x + self.white * self.rng.random_range(-1.0..=1.0);
+        if self.step > 0.0 {
+            ((x / self.step + self.at).floor() + 0.5 - self.at) * self.step
+        } else {
+            x
+        }
+    }
+}
+
+/// Samples that a controller looks back: two make a velocity, and filters take a few more.
+const MEMORY: usize = 4;
+/// Share of the squared second differences of the input that a controller must account for.
+const ACCOUNTS: f64 = 0.9;
+
+/// What a controller adds to the input for each unit that the sensors show now and in the samples before, if one makes the input:
+/// by least squares of second differences, in which a set point and an integral hardly show.
+fn controller(recording: &Recording) -> Option<Vec<f64>> {
+    let second =
+        |x: &[f64]| -> Vec<f64> { x.windows(3).map(|x| x[2] - 2.0 * x[1] + x[0]).collect() };
+    let (u, shown) = (second(&recording.u), second(recording.measured()));
+    let rows = u.len().checked_sub(MEMORY)?;
+    let past = DMatrix::from_fn(rows, MEMORY, |k, lag| shown[k + MEMORY - lag]);
+    let input = DVector::from_column_slice(&u[MEMORY..]);
+    let gains = past.tr_mul(&past).cholesky()?.solve(&past.tr_mul(&input));
+    let left = (&input - &past * &gains).norm_squared();
+    let accounts = left < (1.0 - ACCOUNTS) * input.norm_squared();
+    accounts.then(|| gains.iter().copied().collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::controller;
+    use crate::bench::{self, Control, Sensors};
+    use crate::excite::{Excitation, Shape};
+    use crate::model::Model;
+    use crate::plant;
+    use crate::recording::Recording;
+
+    fn recorded(control: Option<Control>) -> Recording {
+        let text = "[plant]\nmotion = \"rotary\"\ninertia = 0.012\n[friction]\ncoulomb = 0.12\nviscous = 0.02\n";
+        let mut plant = plant::new(&Model::parse(text).unwrap()).unwrap();
+        let signal = Excitation {
+            shape: Shape::Multisine,
+            amplitude: 0.5,
+            band: (0.1, 2.0),
+            duration: 4.0,
+            seed: 1,
+        };
+        let t: Vec<f64> = (0..4000).map(|k| f64::from(k) * 1e-3).collect();
+        let values = signal.values(&t);
+        let sensors = Sensors {
+            count: 4e-4,
+            load_noise: 0.01,
+            ..Sensors::default()
+        };
+        let record = bench::record(plant.as_mut(), t, &values, control, sensors);
+        Recording {
+            t: record.t,
+            u: record.u,
+            q: Some(record.q),
+            ..Recording::default()
+        }
+    }
+
+    /// `u = Kp·(q_ref − q) − Kd·q̇`, and a torque that nobody controls.
+    #[test]
+    fn a_controller_shows_in_what_its_input_makes_of_counts() {
+        let control = Control {
+            proportional: 20.0,
+            derivative: 0.8,
+        };
+        let gains = controller(&recorded(Some(control))).unwrap();
+        let truth = [-20.0 - 800.0, 800.0, 0.0, 0.0];
+        for (gain, truth) in gains.iter().zip(truth) {
+            assert!((gain - truth).abs() < 1.0, "{gains:?}");
+        }
+        assert_eq!(controller(&recorded(None)), None);
     }
 }
