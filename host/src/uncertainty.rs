@@ -1,6 +1,6 @@
 //! How certain estimates are: standard errors, and what the recordings say of each parameter.
 
-use crate::model::{Model, Status};
+use crate::model::{Model, Parameter, Status};
 use crate::normal::Normal;
 
 /// A parameter this many standard errors from zero is known to a tenth or better.
@@ -55,5 +55,18 @@ pub fn assess(model: &mut Model, free: &[usize], normal: &Normal) {
             None if distance >= TOLD => Status::WeaklyExcited,
             None => Status::NotExcited,
         };
+    }
+}
+
+/// Adds to the standard error of a parameter what it may be off by for another reason. One that was known, and that this leaves
+/// open altogether, is not excited.
+pub fn add(parameter: &mut Parameter, off: f64) {
+    let (Some(value), Some(se)) = (parameter.value, parameter.se) else {
+        return;
+    };
+    let more = se.hypot(off);
+    parameter.se = Some(more);
+    if value.abs() >= KNOWN * se && value.abs() < TOLD * more {
+        parameter.status = Status::NotExcited;
     }
 }

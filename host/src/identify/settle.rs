@@ -2,8 +2,9 @@
 //!
 //! Regressors are made of measured motion. An encoder's counts make velocity noisy, the filter against that rounds off what
 //! friction does near standstill, and torque noise moves the axis and so enters the regressors too. What all this does is
-//! measured on twins: recordings of an axis that is exactly the model, on the same path, through the same sensors and the
-//! same filters. There the true parameters are known, so that
+//! measured on twins: recordings of an axis that is exactly the model, on the same path, through the same sensors, whose
+//! noise makes the twin's readings as rough as the recording's, and the same filters. There the true parameters are known,
+//! so that
 //! - the mean residual `o` of the twins' rows at these parameters is what is wrong with the rows: it is taken off;
 //! - the mean step `b` that the twins' rows, less `o`, call for is what noise in their regressors does to estimates: it is
 //!   taken off these;
@@ -22,7 +23,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::Workbench;
-use super::twin::{Draw, Twin};
+use super::twin::{self, Draw, Twin};
 use super::way::Way;
 use crate::model::{Causality, Model};
 use crate::noise::Noise;
@@ -113,7 +114,8 @@ impl Workbench {
         }
     }
 
-    /// One repetition, with the longest of its steps in standard errors.
+    /// One repetition, with the longest of its steps in standard errors. `None`, too, where it leaves nothing of what an inner
+    /// parameter shapes, such as friction that falls with speed on an axis where it hardly does.
     fn settle_once(
         &self,
         model: &Model,
@@ -148,6 +150,9 @@ impl Workbench {
         let mut longest = 0.0_f64;
         for (at, (&k, value)) in free.iter().zip(&values(&stepped)).enumerate() {
             let se = (drawn * own[at].max(twins[at])).sqrt();
+            if !se.is_finite() || (!model.is_linear(k) && stepped.at_bound(k)) {
+                return None;
+            }
             longest = longest.max((step[at] / se).abs());
             let parameter = &mut *next.parameters_mut().swap_remove(k);
             // What this step has put right the next one might take back.
@@ -205,15 +210,19 @@ impl Workbench {
 
     /// Twins of the recordings under a load of some RMS; `None` where the model describes no axis that could give them.
     fn twins(&self, model: &Model, recordings: &[Recording], load: f64) -> Option<Twins> {
+        let pairs = recordings.par_iter().zip(&self.problem.tracks);
+        let whites = pairs.map(|(recording, track)| twin::white(model, recording, track, load));
+        let whites = whites.collect::<Option<Vec<_>>>()?;
         // The last one is the ideal one, without noise.
         let make = |draw: usize| {
             let draw = (draw < DRAWS).then(|| Draw {
                 at: (draw as f64 + 0.5) / DRAWS as f64,
+                white: 0.0,
                 load: if draw.is_multiple_of(2) { load } else { -load },
                 seed: draw as u64,
                 load_seed: draw as u64 / 2,
             });
-            let problem = self.twin(model, recordings, draw)?;
+            let problem = self.twin(model, recordings, draw, &whites)?;
             let residual = system::residual(&problem, model);
             Some((problem, residual))
         };
@@ -249,10 +258,17 @@ impl Workbench {
 
     /// The weak form of one twin of each recording, smoothed and cut into windows as the recordings were; without a draw,
     /// of one without noise as ideal sensors see it.
-    fn twin(&self, model: &Model, recordings: &[Recording], draw: Option<Draw>) -> Option<Problem> {
+    fn twin(
+        &self,
+        model: &Model,
+        recordings: &[Recording],
+        draw: Option<Draw>,
+        whites: &[f64],
+    ) -> Option<Problem> {
         let before = &self.problem;
-        let track = |(index, (recording, track)): (u64, (&Recording, &Track))| {
+        let track = |(index, ((recording, track), &white)): (u64, ((&Recording, &Track), &f64))| {
             let own = draw.map(|draw| Draw {
+                white,
                 seed: draw.seed ^ index << 32,
                 load_seed: draw.load_seed ^ index << 32,
                 ..draw
@@ -266,7 +282,7 @@ impl Workbench {
             };
             Some(made.piece_of(track.whole, track.boundary))
         };
-        let pairs = (0..).zip(recordings.iter().zip(&before.tracks));
+        let pairs = (0..).zip(recordings.iter().zip(&before.tracks).zip(whites));
         let tracks = pairs.map(track).collect::<Option<Vec<_>>>()?;
         let reaches: Vec<usize> = before.windows.iter().map(|w| w.reach).collect();
         let problem = Problem::new(tracks, &reaches, before.motion, before.response);

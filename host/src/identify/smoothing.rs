@@ -5,7 +5,7 @@ use crate::model::Model;
 use crate::problem::Problem;
 use crate::recording::Recording;
 use crate::weak::Track;
-use crate::{refine, system};
+use crate::{refine, system, uncertainty};
 
 /// Order of the smoothing's effect: first where friction jumps or bends within the filter's width, second where it does not.
 const ORDER: f64 = 1.5;
@@ -26,7 +26,7 @@ impl Workbench {
             let (Some(here), Some(there)) = (parameter.value, finer.value) else {
                 continue;
             };
-            parameter.se = parameter.se.map(|se| se.hypot(effect * (here - there)));
+            uncertainty::add(parameter, effect * (here - there));
         }
     }
 

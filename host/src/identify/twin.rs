@@ -30,6 +30,8 @@ pub(super) struct Twin {
 pub(super) struct Draw {
     /// Where the steps of the encoder lie, from 0 to 1.
     pub at: f64,
+    /// RMS of the noise that the sensor adds before these steps, in the unit of what it measures.
+    pub white: f64,
     /// RMS of the load in N·m or N, drawn for every sample; that of a negative one is the opposite.
     pub load: f64,
     /// Of the noise of the sensors.
@@ -58,7 +60,7 @@ impl Twin {
             .map(|k| measured_state(recording, track, k))
             .collect();
         let kept = |gains: Option<&[f64]>| {
-            let sensors = draw.map(|draw| Sensors::new(recording, track, draw));
+            let sensors = draw.map(|draw| Sensors::new(track, draw));
             let twin = Self::kept(model, recording, &measured, (gains, draw, sensors))?;
             let finite = |s: &State| s.q.is_finite() && s.v.is_finite();
             twin.states.iter().all(finite).then_some(twin)
@@ -135,6 +137,57 @@ impl Twin {
     }
 }
 
+/// Halvings of the interval in which the noise of a sensor lies.
+const HALVINGS: usize = 5;
+
+/// RMS of the noise that the sensor of a recording adds, in the unit of what it measures.
+///
+/// What differences of a quantised signal show is mostly its steps: where an axis shakes by less than one, as under a
+/// controller that answers each with a push, they may show more noise than the sensor has. There it is as much as makes
+/// the readings of a twin as rough as those of the recording.
+pub(super) fn white(model: &Model, recording: &Recording, track: &Track, load: f64) -> Option<f64> {
+    let shown = match recording.q {
+        Some(_) => track.position_noise,
+        None => track.position_noise / track.period,
+    };
+    let most = (shown.powi(2) - track.quantum.powi(2) / 12.0)
+        .max(0.0)
+        .sqrt();
+    if track.quantum == 0.0 || most == 0.0 {
+        return Some(most);
+    }
+    let draw = |white| Draw {
+        at: 0.5,
+        white,
+        load,
+        seed: 0,
+        load_seed: 0,
+    };
+    let rougher = |white| {
+        let twin = Twin::new(model, recording, track, Some(draw(white)))?;
+        Some(roughness(&twin.seen) > roughness(recording.measured()))
+    };
+    let (mut low, mut high) = (0.0, most);
+    if rougher(low)? {
+        return Some(low);
+    }
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        *(if rougher(middle)? {
+            &mut high
+        } else {
+            &mut low
+        }) = middle;
+    }
+    Some(0.5 * (low + high))
+}
+
+/// Sum of the squared third differences, in which motion hardly shows.
+fn roughness(x: &[f64]) -> f64 {
+    let third = |x: &[f64]| x[3] - 3.0 * x[2] + 3.0 * x[1] - x[0];
+    x.windows(4).map(|x| third(x).powi(2)).sum()
+}
+
 /// The sensors of a twin.
 struct Sensors {
     rng: ChaCha8Rng,
@@ -144,17 +197,12 @@ struct Sensors {
 }
 
 impl Sensors {
-    fn new(recording: &Recording, track: &Track, draw: Draw) -> Self {
-        let noise = match recording.q {
-            Some(_) => track.position_noise,
-            None => track.position_noise / track.period,
-        };
-        let step = track.quantum;
+    fn new(track: &Track, draw: Draw) -> Self {
         Self {
             rng: ChaCha8Rng::seed_from_u64(draw.seed),
             // Uniform on ±√3 has unit variance.
-            white: 3f64.sqrt() * (noise * noise - step * step / 12.0).max(0.0).sqrt(),
-            step,
+            white: 3f64.sqrt() * draw.white,
+            step: track.quantum,
             at: draw.at,
         }
     }
@@ -191,16 +239,28 @@ fn controller(recording: &Recording) -> Option<Vec<f64>> {
 
 #[cfg(test)]
 mod tests {
-    use super::controller;
+    use super::{controller, white};
     use crate::bench::{self, Control, Sensors};
     use crate::excite::{Excitation, Shape};
     use crate::model::Model;
     use crate::plant;
     use crate::recording::Recording;
+    use crate::weak::Track;
 
-    fn recorded(control: Option<Control>) -> Recording {
+    const CONTROL: Control = Control {
+        proportional: 20.0,
+        derivative: 0.8,
+    };
+    const COUNT: f64 = 1.5e-3;
+    const LOAD: f64 = 0.01;
+
+    fn model() -> Model {
         let text = "[plant]\nmotion = \"rotary\"\ninertia = 0.012\n[friction]\ncoulomb = 0.12\nviscous = 0.02\n";
-        let mut plant = plant::new(&Model::parse(text).unwrap()).unwrap();
+        Model::parse(text).unwrap()
+    }
+
+    fn recorded(control: Option<Control>, position_noise: f64) -> Recording {
+        let mut plant = plant::new(&model()).unwrap();
         let signal = Excitation {
             shape: Shape::Multisine,
             amplitude: 0.5,
@@ -211,8 +271,9 @@ mod tests {
         let t: Vec<f64> = (0..4000).map(|k| f64::from(k) * 1e-3).collect();
         let values = signal.values(&t);
         let sensors = Sensors {
-            count: 4e-4,
-            load_noise: 0.01,
+            count: COUNT,
+            load_noise: LOAD,
+            position_noise,
             ..Sensors::default()
         };
         let record = bench::record(plant.as_mut(), t, &values, control, sensors);
@@ -227,15 +288,26 @@ mod tests {
     /// `u = Kp·(q_ref − q) − Kd·q̇`, and a torque that nobody controls.
     #[test]
     fn a_controller_shows_in_what_its_input_makes_of_counts() {
-        let control = Control {
-            proportional: 20.0,
-            derivative: 0.8,
-        };
-        let gains = controller(&recorded(Some(control))).unwrap();
+        let gains = controller(&recorded(Some(CONTROL), 0.0)).unwrap();
         let truth = [-20.0 - 800.0, 800.0, 0.0, 0.0];
         for (gain, truth) in gains.iter().zip(truth) {
             assert!((gain - truth).abs() < 1.0, "{gains:?}");
         }
-        assert_eq!(controller(&recorded(None)), None);
+        assert_eq!(controller(&recorded(None, 0.0)), None);
+    }
+
+    /// Counts that a controller answers look like noise, and noise within a count hides in it.
+    #[test]
+    fn the_noise_of_a_sensor_is_told_from_its_steps() {
+        for truth in [0.0, 0.2, 0.5, 2.0] {
+            let recording = recorded(Some(CONTROL), truth * COUNT);
+            let model = model();
+            let track = Track::new(&recording, model.motion, None);
+            let found = white(&model, &recording, &track, LOAD).unwrap() / COUNT;
+            assert!(
+                (found - truth).abs() < 0.05 + 0.1 * truth,
+                "{found} counts for {truth}"
+            );
+        }
     }
 }
