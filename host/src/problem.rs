@@ -81,7 +81,7 @@ fn hold<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 /// Tracks, windows and rows, with the columns computed so far.
 pub struct Problem {
     /// One track for each recording.
-    pub tracks: Vec<Track>,
+    pub tracks: Arc<[Track]>,
     /// The windows of each track.
     pub windows: Vec<Windows>,
     /// All rows, track by track in time order.
@@ -92,20 +92,22 @@ pub struct Problem {
     pub response: Response,
     /// `∫q φ̈` of every row.
     pub acceleration: Column,
-    cache: Mutex<HashMap<Key, Vec<Column>>>,
+    cache: Mutex<Cache>,
     /// The last direction asked for: that of one set of bristles serves all columns of a model.
     direction: Mutex<Direction>,
     survey: OnceLock<Survey>,
+    training: OnceLock<Box<Problem>>,
 }
 
 impl Problem {
     /// Lays windows of `reach[track]` samples over prepared tracks.
     pub fn new(tracks: Vec<Track>, reach: &[usize], motion: Motion, response: Response) -> Self {
-        let windows: Vec<Windows> = tracks
-            .iter()
-            .zip(reach)
-            .map(|(t, &r)| Windows::new(t, r))
-            .collect();
+        let windows = tracks.iter().zip(reach);
+        let windows = windows.map(|(t, &r)| Windows::new(t, r)).collect();
+        Self::on(tracks.into(), windows, motion, response)
+    }
+
+    fn on(tracks: Arc<[Track]>, windows: Vec<Windows>, motion: Motion, response: Response) -> Self {
         let rows = windows
             .iter()
             .enumerate()
@@ -130,9 +132,23 @@ impl Problem {
             cache: Mutex::default(),
             direction: Mutex::default(),
             survey: OnceLock::new(),
+            training: OnceLock::new(),
         };
         problem.acceleration = Arc::new(problem.stack(|t, w| w.acceleration(&t.q)));
         problem
+    }
+
+    /// The same rows with functionals over those of the training part alone, and zeros in the held-out part: what a fit asks for,
+    /// in less time. The side whose error is minimised is the one at the first call.
+    pub fn training(&self) -> &Self {
+        if self.windows.iter().all(Windows::of_training_alone) {
+            return self;
+        }
+        self.training.get_or_init(|| {
+            let windows = self.windows.iter().map(Windows::training).collect();
+            let tracks = self.tracks.clone();
+            Box::new(Self::on(tracks, windows, self.motion, self.response))
+        })
     }
 
     /// Prepares the tracks of all recordings.
@@ -157,17 +173,15 @@ impl Problem {
     /// Functional of a signal given in every cell of a track.
     pub fn cells(&self, signal: impl Fn(&Track, usize) -> f64) -> Vec<f64> {
         self.stack(|t, w| {
-            w.hold(
-                t,
-                &(0..t.cells.len()).map(|k| signal(t, k)).collect::<Vec<_>>(),
-            )
+            let cells: Vec<f64> = (0..w.cells(t)).map(|k| signal(t, k)).collect();
+            w.hold(t, &cells)
         })
     }
 
     /// `∫u φ` of what a path makes of the input.
     pub fn input(&self, path: &Path) -> Column {
         self.cached(("input", path.bits().to_vec()), || {
-            vec![self.stack(|t, w| w.hold_through(t, &t.input(path), path))]
+            vec![self.stack(|t, w| w.hold_through(t, &t.input_of(w.cells(t), path), path))]
         })
         .remove(0)
     }
@@ -210,7 +224,10 @@ impl Problem {
                 if !path.swings() {
                     return w.velocity(&t.q);
                 }
-                let steps = t.q.windows(2).map(|pair| pair[1] - pair[0]);
+                let steps =
+                    t.q.windows(2)
+                        .take(w.cells(t))
+                        .map(|pair| pair[1] - pair[0]);
                 let speeds: Vec<f64> = steps.map(|step| step / t.period).collect();
                 w.hold_through(t, &speeds, path)
             })]
@@ -259,7 +276,8 @@ impl Problem {
         path: &Path,
     ) {
         let key = |inner: Inner| key(effect, inner, direction, path);
-        let known = |inner: Inner| hold(&self.cache).contains_key(&key(inner));
+        let most = self.most_kept();
+        let known = |inner: Inner| hold(&self.cache).get(&key(inner), most).is_some();
         let waves = inners.iter().filter(|inner| !known(**inner));
         let waves = waves.filter_map(|&inner| Some((inner, effect.wave(inner)?)));
         let (inners, waves): (Vec<Inner>, Vec<Wave>) = waves.unzip();
@@ -293,12 +311,14 @@ impl Problem {
         (path, driven): (&Path, bool),
     ) -> impl Iterator<Item = Point> {
         let track = &self.tracks[index];
+        let count = self.windows[index].cells(track);
         let input = if driven {
-            track.input(path)
+            track.input_of(count, path)
         } else {
             Vec::new()
         };
-        track.cells.iter().enumerate().map(move |(k, &cell)| {
+        let cells = track.cells[..count].iter().enumerate();
+        cells.map(move |(k, &cell)| {
             let at = input.get(k).map_or(cell, |&u| track.driven(k, u));
             direction.point(index, k, at)
         })
@@ -316,7 +336,7 @@ impl Problem {
         let mut columns = vec![Vec::with_capacity(self.rows.len()); width];
         let mut out = vec![0.0; width];
         for (index, (track, windows)) in self.tracks.iter().zip(&self.windows).enumerate() {
-            let mut signals = vec![Vec::with_capacity(track.cells.len()); width];
+            let mut signals = vec![Vec::with_capacity(windows.cells(track)); width];
             for at in self.points(index, direction, way) {
                 basis(at, &mut out);
                 signals.iter_mut().zip(&out).for_each(|(s, b)| s.push(*b));
@@ -416,18 +436,46 @@ impl Problem {
         self.rows.iter().filter(|r| r.part == part).count()
     }
 
-    /// Bounded: a scan or a refinement that fills the cache starts it anew.
     fn cached(&self, key: Key, compute: impl FnOnce() -> Vec<Vec<f64>>) -> Vec<Column> {
-        const MOST: usize = 2000;
-        if let Some(columns) = hold(&self.cache).get(&key) {
-            return columns.clone();
+        if let Some(columns) = hold(&self.cache).get(&key, self.most_kept()) {
+            return columns;
         }
         let columns: Vec<Column> = compute().into_iter().map(Arc::new).collect();
-        let mut cache = hold(&self.cache);
-        if cache.len() >= MOST {
-            cache.clear();
-        }
-        cache.insert(key, columns.clone());
+        hold(&self.cache).insert(key, columns.clone(), self.most_kept());
         columns
+    }
+
+    /// Entries of a generation of the cache.
+    fn most_kept(&self) -> usize {
+        (MOST_VALUES / self.rows.len().max(1)).max(FEWEST_KEPT)
+    }
+}
+
+/// Values that a generation of the cache holds of each column, …
+const MOST_VALUES: usize = 4_000_000;
+/// … but at least so many columns: those that the widest grids make and a search asks for again in each round.
+const FEWEST_KEPT: usize = 1000;
+
+/// Columns by what they depend on. Of two generations, the older is forgotten when the younger is full; what is asked for again
+/// is young again.
+#[derive(Default)]
+struct Cache {
+    young: HashMap<Key, Vec<Column>>,
+    old: HashMap<Key, Vec<Column>>,
+}
+
+impl Cache {
+    fn get(&mut self, key: &Key, most: usize) -> Option<Vec<Column>> {
+        if let Some((key, columns)) = self.old.remove_entry(key) {
+            self.insert(key, columns, most);
+        }
+        self.young.get(key).cloned()
+    }
+
+    fn insert(&mut self, key: Key, columns: Vec<Column>, most: usize) {
+        if self.young.len() >= most {
+            self.old = std::mem::take(&mut self.young);
+        }
+        self.young.insert(key, columns);
     }
 }

@@ -197,7 +197,9 @@ fn counted(
     noise: &Noise,
     blocks: &[Option<usize>],
 ) -> DVector<f64> {
-    in_blocks(&noise.whiten(&residual(problem, model)), blocks) * emphasis(problem, model)
+    let problem = problem.training();
+    let whitened = noise.whiten_training([residual(problem, model).as_slice()]);
+    in_blocks(&whitened.concat(), blocks) * emphasis(problem, model)
 }
 
 /// The rows that have a block, of values one for each row.

@@ -203,9 +203,43 @@ impl System {
     /// The same system with response and columns whitened.
     #[must_use]
     pub fn whitened(&self, noise: &Noise) -> Self {
+        let response = noise.whiten(&self.response);
+        self.made_of(response, noise.whiten_all(self.columns_and([])), noise)
+    }
+
+    /// The same over the training rows alone. What these have in common with another system is taken from that, `raw` and
+    /// `whitened`.
+    #[must_use]
+    pub fn whitened_as(
+        &self,
+        [raw, whitened]: [&Self; 2],
+        noise: &Noise,
+        blocks: &[Option<usize>],
+    ) -> Self {
+        let [own, raw, whitened] =
+            [self, raw, whitened].map(|s| s.columns_and([s.response.as_slice()]));
+        let same = |a: &[f64], b: &[f64]| {
+            let mut rows = a.iter().zip(b).zip(blocks);
+            rows.all(|((a, b), block)| block.is_none() || a == b)
+        };
+        let taken = |k: usize| {
+            let other = raw.get(k).filter(|raw| same(own[k], raw));
+            other.map(|_| whitened[k].to_vec())
+        };
+        let taken: Vec<Option<Vec<f64>>> = (0..own.len()).map(taken).collect();
+        let open = own.iter().zip(&taken).filter(|(_, taken)| taken.is_none());
+        let mut open = noise.whiten_training(open.map(|(c, _)| *c)).into_iter();
+        let all = taken.into_iter().map(|taken| taken.or_else(|| open.next()));
+        let mut columns: Vec<Vec<f64>> = all.flatten().collect();
+        let response = columns.pop().unwrap_or_default();
+        self.made_of(response, columns, noise)
+    }
+
+    /// The system with its response and columns whitened to these.
+    fn made_of(&self, response: Vec<f64>, columns: Vec<Vec<f64>>, noise: &Noise) -> Self {
         Self {
-            response: noise.whiten(&self.response),
-            columns: noise.whiten_all(self.columns_and([])),
+            response,
+            columns,
             errors: self
                 .unknowns
                 .iter()

@@ -58,7 +58,7 @@ impl Warning {
 /// What there is to know about recordings and the model that was fitted to them, the gravest first.
 pub fn warnings(bench: &Workbench, fitted: &Model, recordings: &[Recording]) -> Vec<Warning> {
     let mut all = Vec::new();
-    for (recording, track) in recordings.iter().zip(&bench.problem.tracks) {
+    for (recording, track) in recordings.iter().zip(bench.problem.tracks.iter()) {
         let mut own = timing::check(recording, track);
         own.extend(units::check(recording, track, fitted));
         own.extend(encoder::check(recording, track, fitted));

@@ -209,7 +209,7 @@ impl Workbench {
     /// The same without windows over reversals that the encoder does not resolve. `None` if it resolves them all, or if too little
     /// is left without them.
     pub fn resolved(&self, model: &Model) -> Option<Self> {
-        let mut tracks = self.problem.tracks.clone();
+        let mut tracks = self.problem.tracks.to_vec();
         let reaches = self.problem.windows.iter().map(|w| w.reach);
         let barred: usize = (tracks.iter_mut().zip(reaches))
             .map(|(track, reach)| track.bar_unresolved(reach))

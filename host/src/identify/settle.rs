@@ -210,7 +210,7 @@ impl Workbench {
 
     /// Twins of the recordings under a load of some RMS; `None` where the model describes no axis that could give them.
     fn twins(&self, model: &Model, recordings: &[Recording], load: f64) -> Option<Twins> {
-        let pairs = recordings.par_iter().zip(&self.problem.tracks);
+        let pairs = recordings.par_iter().zip(self.problem.tracks.par_iter());
         let whites = pairs.map(|(recording, track)| twin::white(model, recording, track, load));
         let whites = whites.collect::<Option<Vec<_>>>()?;
         // The last one is the ideal one, without noise.
@@ -282,7 +282,7 @@ impl Workbench {
             };
             Some(made.piece_of(track.whole, track.boundary))
         };
-        let pairs = (0..).zip(recordings.iter().zip(&before.tracks).zip(whites));
+        let pairs = (0..).zip(recordings.iter().zip(before.tracks.iter()).zip(whites));
         let tracks = pairs.map(track).collect::<Option<Vec<_>>>()?;
         let reaches: Vec<usize> = before.windows.iter().map(|w| w.reach).collect();
         let problem = Problem::new(tracks, &reaches, before.motion, before.response);

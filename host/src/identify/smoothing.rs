@@ -42,7 +42,7 @@ impl Workbench {
     /// The same windows on velocities that are smoothed half as wide, with the blocks of their rows.
     fn finer_problem(&self, recordings: &[Recording]) -> (Problem, Vec<Option<usize>>) {
         let before = &self.problem;
-        let tracks = recordings.iter().zip(&before.tracks).map(|(r, t)| {
+        let tracks = recordings.iter().zip(before.tracks.iter()).map(|(r, t)| {
             let finer = Some(t.smoothing.finer());
             Track::smoothed(r, before.motion, self.balance, finer).piece_of(t.whole, t.boundary)
         });

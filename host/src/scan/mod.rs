@@ -41,6 +41,7 @@ pub struct Setting<'a> {
 pub struct Ground<'a> {
     setting: Setting<'a>,
     model: Cow<'a, Model>,
+    raw: System,
     /// The whitened system of the model.
     pub system: System,
     products: Products,
@@ -83,11 +84,13 @@ const IMPLAUSIBLE: f64 = 3.0;
 impl<'a> Ground<'a> {
     /// Sets up the ground; `None` if the recording does not determine the model.
     pub fn new(setting: Setting<'a>, model: Cow<'a, Model>) -> Result<Option<Self>> {
-        let system = System::new(setting.problem, &model)?.whitened(setting.noise);
+        let raw = System::new(setting.problem, &model)?;
+        let system = raw.whitened(setting.noise);
         let products = system.products(setting.blocks);
         let scored = products.and_then(|p| Some((system.score_of(p.clone(), 0.0)?, p)));
         Ok(scored.map(|(score, products)| Self {
             setting,
+            raw,
             system,
             products,
             score,
@@ -154,23 +157,19 @@ impl<'a> Ground<'a> {
             term.effect.linear(&values, self.model.scale()).0
         };
         let inners: Vec<Inner> = grid.iter().map(inner).collect();
-        let (direction, path) = (
-            self.setting.problem.direction(&self.model),
-            system::path(&self.model),
-        );
-        self.setting
-            .problem
-            .waves(term.effect, &inners, &direction, &path);
+        let problem = self.setting.problem.training();
+        let (direction, path) = (problem.direction(&self.model), system::path(&self.model));
+        problem.waves(term.effect, &inners, &direction, &path);
     }
 
-    /// Where a term can move the whitened residual to: its columns, or, of a term that changes the way of the input, by how
-    /// much it moves the residual alone. `None` if the recording does not determine the model with it.
+    /// Where a term can move the whitened residual of the training rows to: its columns, or, of a term that changes the way of
+    /// the input, by how much it moves the residual alone. `None` if the recording does not determine the model with it.
     pub fn directions(&self, term: &Term, inner: Inner) -> Result<Option<Vec<Vec<f64>>>> {
         let model = self.model_with(term, inner);
         if term.effect.width() > 0 {
             return Ok(Some(self.columns(&model)));
         }
-        let system = System::new(self.setting.problem, &model)?.whitened(self.setting.noise);
+        let system = self.anew(&model)?;
         Ok(system.score(self.setting.blocks).map(|score| {
             let residual = |system: &System, beta| {
                 linear::residual(&system.response, &system.columns_and([]), beta)
@@ -209,12 +208,19 @@ impl<'a> Ground<'a> {
             .whiten_training(columns.iter().map(|c| c.as_slice()))
     }
 
-    /// The columns of the last term of a model.
+    /// The columns of the last term of a model over the training rows.
     fn raw_columns(&self, model: &Model) -> Vec<Column> {
         let term = model.terms.last();
         term.map_or_else(Vec::new, |term| {
-            system::columns(self.setting.problem, model, term)
+            system::columns(self.setting.problem.training(), model, term)
         })
+    }
+
+    /// The whitened system of a model with another way of the input, over the training rows.
+    fn anew(&self, model: &Model) -> Result<System> {
+        let raw = System::new(self.setting.problem.training(), model)?;
+        let before = [&self.raw, &self.system];
+        Ok(raw.whitened_as(before, self.setting.noise, self.setting.blocks))
     }
 
     /// The system with the last term of a model besides.
@@ -231,12 +237,12 @@ impl<'a> Ground<'a> {
         if term.effect.width() == 0 {
             if system::path(&model).gap > 0.0 {
                 // What a gap keeps back follows from the numbers of the model, which without it are far from the truth.
-                let first = System::new(self.setting.problem, &model)?.whitened(self.setting.noise);
+                let first = self.anew(&model)?;
                 if let Some(score) = first.score(self.setting.blocks) {
                     first.decode(&score.beta, &mut model);
                 }
             }
-            system = System::new(self.setting.problem, &model)?.whitened(self.setting.noise);
+            system = self.anew(&model)?;
             score = system.score(self.setting.blocks);
         } else {
             system = self.extended(&model);

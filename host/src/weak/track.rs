@@ -255,7 +255,12 @@ impl Track {
 
     /// Mean over every cell of the input that reaches the axis by a path.
     pub fn input(&self, path: &Path) -> Vec<f64> {
-        let nodes = (0..self.q.len()).map(|k| self.start + k as f64 * self.period);
+        self.input_of(self.q.len() - 1, path)
+    }
+
+    /// The same over the first cells alone.
+    pub fn input_of(&self, cells: usize, path: &Path) -> Vec<f64> {
+        let nodes = (0..=cells).map(|k| self.start + k as f64 * self.period);
         let integral = self.input.integral(path, nodes);
         integral
             .windows(2)

@@ -26,6 +26,8 @@ pub struct Windows {
     pub centres: Vec<usize>,
     /// Part of each window.
     pub parts: Vec<Part>,
+    /// How many of them functionals are computed on, the first ones; they are zero on the others.
+    counted: usize,
     acceleration: Vec<f64>,
     velocity: Vec<f64>,
     hold: Vec<f64>,
@@ -45,6 +47,7 @@ impl Windows {
             hop: (reach / 4).max(1),
             centres: Vec::new(),
             parts: Vec::new(),
+            counted: 0,
             acceleration: vec![0.0; 2 * reach + 1],
             velocity: vec![0.0; 2 * reach + 1],
             hold: vec![0.0; 2 * reach],
@@ -72,7 +75,34 @@ impl Windows {
             }
             centre += windows.hop;
         }
+        windows.counted = windows.centres.len();
         windows
+    }
+
+    /// The same with functionals on those of the training part alone, which come first.
+    #[must_use]
+    pub fn training(&self) -> Self {
+        let parts = self.parts.iter();
+        Self {
+            counted: parts.take_while(|part| **part == Part::Train).count(),
+            ..self.clone()
+        }
+    }
+
+    /// Whether functionals are on windows of the training part alone.
+    pub fn of_training_alone(&self) -> bool {
+        // The last of them tells, as these come first.
+        let last = self.parts[..self.counted].last();
+        last.is_none_or(|part| *part == Part::Train)
+    }
+
+    /// How many cells of a track functionals need, from the first on.
+    pub fn cells(&self, track: &Track) -> usize {
+        if self.counted == self.centres.len() {
+            return track.cells.len();
+        }
+        let last = self.centres[..self.counted].last();
+        last.map_or(0, |centre| centre + self.reach)
     }
 
     /// `∫q φ̈` on every window: the mean acceleration.
@@ -125,7 +155,9 @@ impl Windows {
             let under = &signal[centre - self.reach..][..length];
             weights.dot(&DVectorView::from_slice(under, length))
         };
-        self.centres.iter().map(dot).collect()
+        let (counted, others) = self.centres.split_at(self.counted);
+        let zeros = others.iter().map(|_| 0.0);
+        counted.iter().map(dot).chain(zeros).collect()
     }
 
     /// Share of a window's weight for which `signal` counts, cell by cell.
