@@ -71,6 +71,16 @@ impl Workbench {
     fn reach(&self, optimum: &Model, at: usize, inner: usize) -> Option<Vec<(usize, f64)>> {
         let nothing = self.held(optimum, at, inner, None)?;
         let term = &optimum.terms[at];
+        let free = refine::free_parameters(optimum);
+        let rows = self.blocks.iter().flatten().count();
+        let freedom = rows.saturating_sub(free.len()).max(1) as f64;
+        let left =
+            |h: &Held, least: f64| FOLLOWED.powi(2) - (h.chi2 - least) / (least / freedom).max(1.0);
+        // The best of all leaves nothing no more than this one does, so most terms show by it alone.
+        let found = self.held(optimum, at, inner, term.parameters[inner].value);
+        if found.is_some_and(|h| h.allowed && left(&nothing, h.chi2) <= 0.0) {
+            return None;
+        }
         let grid = term.effect.grid(&self.problem.survey(optimum));
         let beyond = [
             grid.first().map(|x| x / BELOW),
@@ -84,13 +94,10 @@ impl Workbench {
         let held: Vec<Held> = grid.par_iter().filter_map(held).collect();
         let allowed = held.iter().filter(|h| h.allowed).chain([&nothing]);
         let least = allowed.map(|h| h.chi2).fold(f64::INFINITY, f64::min);
-        let free = refine::free_parameters(optimum);
-        let rows = self.blocks.iter().flatten().count();
-        let unit = (least / rows.saturating_sub(free.len()).max(1) as f64).max(1.0);
-        let left = |h: &Held| FOLLOWED.powi(2) - (h.chi2 - least) / unit;
-        if left(&nothing) <= 0.0 {
+        if left(&nothing, least) <= 0.0 {
             return None;
         }
+        let left = |h: &Held| left(h, least);
         let furthest = |k: usize| {
             let here = optimum.parameters()[k].value.unwrap_or_default();
             let from = |h: &Held| {
