@@ -1,5 +1,7 @@
 //! What the held-out part says of the effects that the training part selected.
 
+use rayon::prelude::*;
+
 use super::leftover;
 use super::select::{self, Scope, Selection};
 use super::trial::{Trial, students_t};
@@ -122,7 +124,8 @@ fn outpredicted(
             let run = fitted.map(|(instead, _)| run(&instead)).transpose()?;
             Ok(run.map(|run| (rival.effect.id(), run)))
         };
-        let rivals: Result<Vec<_>> = own.rivals(&lacking).map(instead).collect();
+        let rivals: Vec<&Trial> = own.rivals(&lacking).collect();
+        let rivals: Result<Vec<_>> = rivals.into_par_iter().map(instead).collect();
         let rivals: Vec<(&str, Parts)> = rivals?.into_iter().flatten().collect();
         let squares = |(_, run): &(&str, Parts)| run.squares();
         let best = (rivals.iter()).min_by(|a, b| squares(a).total_cmp(&squares(b)));

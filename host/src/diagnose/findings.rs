@@ -1,5 +1,7 @@
 //! What was selected and confirmed, told with its evidence and its rivals.
 
+use rayon::prelude::*;
+
 use super::locate;
 use super::select::{self, Selected};
 use super::trial::Trial;
@@ -95,7 +97,8 @@ fn rivals(
         })
     };
     // It may be that one stood against it before another took a place that both need.
-    selected.rivals(before).map(rival).collect()
+    let others: Vec<&Trial> = selected.rivals(before).collect();
+    others.into_par_iter().map(rival).collect()
 }
 
 /// Parameters of a whole model, or of one of its terms with what follows from them.

@@ -3,6 +3,8 @@
 //! The narrow windows give the parameters of what they alone see; all others are better known from the usual ones, which
 //! keep the noise of the encoder out.
 
+use rayon::prelude::*;
+
 use super::confirm::confirmed;
 use super::select::{FLOOR, LEAST_DELTA_BIC, Scope, Selection};
 use super::trial::{Base, Trial};
@@ -77,7 +79,7 @@ pub(super) fn sharpened(
     let usual = bench.problem.half_width();
     let slowest = DULLED / usual;
     let fine = |narrower: f64| bench.narrowed(&found.1, usual / narrower, slowest).ok();
-    let fine: Vec<Workbench> = (NARROWER.into_iter().filter_map(fine))
+    let fine: Vec<Workbench> = (NARROWER.into_par_iter().filter_map(fine))
         .filter(|fine| fine.problem.half_width() <= CLOSE * usual)
         .collect();
     let closer = Closer {
