@@ -300,10 +300,13 @@ impl Axis {
                 coulomb: self.contact.law.coulomb,
                 viscous: self.contact.law.viscous,
             };
-            return Slack::new(track, &forces, &self.path).load;
+            return Slack::new(track, &track.input(&self.path), &forces, &self.path).load;
         }
         let input = self.driven_by(track);
-        let swung = self.path.swung(&input, track.period).1;
+        let swung = self
+            .path
+            .swung(&input, track.period)
+            .map(|(_, swing)| swing);
         let (omega, driven) = (self.path.resonance, self.inertia - coupling.inertia);
         let behind =
             |swing: Swing| [-swing.a, -swing.b * omega].map(|x| x / (driven * omega.powi(2)));

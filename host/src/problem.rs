@@ -61,6 +61,9 @@ impl Direction {
     }
 }
 
+/// Signals in the cells, by track.
+type Signals = Arc<Vec<Vec<Vec<f64>>>>;
+
 /// What the columns of an effect are cached by.
 fn key(effect: &'static dyn Effect, inner: Inner, direction: &Direction, path: &Path) -> Key {
     let mut key = inner.map(f64::to_bits).to_vec();
@@ -93,6 +96,8 @@ pub struct Problem {
     /// `∫q φ̈` of every row.
     pub acceleration: Column,
     cache: Mutex<Cache>,
+    /// What columns under one input, or behind many springs, are made of, the last asked for first.
+    recent: Mutex<Vec<(Key, Signals)>>,
     /// The last direction asked for: that of one set of bristles serves all columns of a model.
     direction: Mutex<Direction>,
     survey: OnceLock<Survey>,
@@ -130,6 +135,7 @@ impl Problem {
             response,
             acceleration: Arc::default(),
             cache: Mutex::default(),
+            recent: Mutex::default(),
             direction: Mutex::default(),
             survey: OnceLock::new(),
             training: OnceLock::new(),
@@ -180,8 +186,19 @@ impl Problem {
 
     /// `∫u φ` of what a path makes of the input.
     pub fn input(&self, path: &Path) -> Column {
+        // What a gap keeps back is a column of its own.
+        let path = Path {
+            gap: 0.0,
+            before_gap: 1.0,
+            ..*path
+        };
         self.cached(("input", path.bits().to_vec()), || {
-            vec![self.stack(|t, w| w.hold_through(t, &t.input_of(w.cells(t), path), path))]
+            let inputs = if path.swings() {
+                self.inputs(&path)
+            } else {
+                Arc::new(self.inputs_of(&path))
+            };
+            self.functionals(&inputs, &path)
         })
         .remove(0)
     }
@@ -211,7 +228,8 @@ impl Problem {
         let mut key = direction.bristled.to_vec();
         key.extend(path.spring().bits());
         self.cached(("coulomb", key), || {
-            self.signals(direction, (path, false), 1, |at, out| out[0] = at.s)
+            let before = ("coulomb", direction.bristled.to_vec());
+            self.signals(before, direction, (path, false), 1, |at, out| out[0] = at.s)
         })
         .remove(0)
     }
@@ -240,8 +258,11 @@ impl Problem {
         let mut key = path.bits().to_vec();
         key.extend(forces.bits());
         self.cached(("slack", key), || {
+            let inputs = self.inputs(path);
+            let mut inputs = inputs.iter().flatten();
             let missing = |track: &Track, windows: &Windows| {
-                let missing = Slack::new(track, forces, path).missing;
+                let input = inputs.next().map_or(&[][..], Vec::as_slice);
+                let missing = Slack::new(track, input, forces, path).missing;
                 windows.apply(windows.hold_weights(), &missing)
             };
             vec![self.stack(missing)]
@@ -263,7 +284,9 @@ impl Problem {
         }
         self.cached(key(effect, inner, direction, path), || {
             let basis = |at: Point, out: &mut [f64]| effect.basis(inner, at, out);
-            self.signals(direction, (path, effect.driven()), effect.width(), basis)
+            let before = key(effect, inner, direction, &path.of_input());
+            let way = (path, effect.driven());
+            self.signals(before, direction, way, effect.width(), basis)
         })
     }
 
@@ -311,41 +334,83 @@ impl Problem {
         (path, driven): (&Path, bool),
     ) -> impl Iterator<Item = Point> {
         let track = &self.tracks[index];
-        let count = self.windows[index].cells(track);
-        let input = if driven {
-            track.input_of(count, path)
-        } else {
-            Vec::new()
-        };
-        let cells = track.cells[..count].iter().enumerate();
-        cells.map(move |(k, &cell)| {
-            let at = input.get(k).map_or(cell, |&u| track.driven(k, u));
+        let inputs = driven.then(|| self.inputs(path));
+        let cells = track.cells[..self.windows[index].cells(track)].iter();
+        cells.enumerate().map(move |(k, &cell)| {
+            let input = inputs.as_ref().map(|inputs| inputs[index][0][k]);
+            let at = input.map_or(cell, |u| track.driven(k, u));
             direction.point(index, k, at)
         })
     }
 
     /// Functionals of so many signals of the cells as effects see them, under the input that a path passes if they are
-    /// driven, behind the spring of the path.
+    /// driven, behind the spring of the path. `before` is what the signals depend on before the spring.
     fn signals(
         &self,
+        before: Key,
         direction: &Direction,
         way: (&Path, bool),
         width: usize,
         basis: impl Fn(Point, &mut [f64]),
     ) -> Vec<Vec<f64>> {
-        let mut columns = vec![Vec::with_capacity(self.rows.len()); width];
-        let mut out = vec![0.0; width];
-        for (index, (track, windows)) in self.tracks.iter().zip(&self.windows).enumerate() {
-            let mut signals = vec![Vec::with_capacity(windows.cells(track)); width];
+        let of_track = |index: usize| {
+            let count = self.windows[index].cells(&self.tracks[index]);
+            let mut signals = vec![Vec::with_capacity(count); width];
+            let mut out = vec![0.0; width];
             for at in self.points(index, direction, way) {
                 basis(at, &mut out);
                 signals.iter_mut().zip(&out).for_each(|(s, b)| s.push(*b));
             }
-            for (column, signal) in columns.iter_mut().zip(&signals) {
-                column.extend(windows.hold_through(track, signal, way.0));
+            signals
+        };
+        let all = || (0..self.tracks.len()).map(of_track).collect();
+        let signals = if way.0.swings() {
+            self.recent(before, all)
+        } else {
+            Arc::new(all())
+        };
+        self.functionals(&signals, way.0)
+    }
+
+    /// Functionals of signals of the cells behind the spring of a path.
+    fn functionals(&self, signals: &Signals, path: &Path) -> Vec<Vec<f64>> {
+        let mut columns = vec![Vec::with_capacity(self.rows.len()); signals[0].len()];
+        for ((track, windows), signals) in self.tracks.iter().zip(&self.windows).zip(&**signals) {
+            for (column, signal) in columns.iter_mut().zip(signals) {
+                column.extend(windows.hold_through(track, signal, path));
             }
         }
         columns
+    }
+
+    /// What a path makes of the input, before a spring and a gap, in the cells that functionals need and one more, which a blow
+    /// at the end of a gap may be shared with.
+    fn inputs(&self, path: &Path) -> Signals {
+        let path = path.of_input();
+        self.recent(("input", path.bits().to_vec()), || self.inputs_of(&path))
+    }
+
+    fn inputs_of(&self, path: &Path) -> Vec<Vec<Vec<f64>>> {
+        let input = |(track, windows): (&Track, &Windows)| {
+            let count = (windows.cells(track) + 1).min(track.cells.len());
+            vec![track.input_of(count, path)]
+        };
+        self.tracks.iter().zip(&self.windows).map(input).collect()
+    }
+
+    /// Signals that have been asked for lately, or what they are computed to be now.
+    fn recent(&self, key: Key, compute: impl FnOnce() -> Vec<Vec<Vec<f64>>>) -> Signals {
+        let mut recent = hold(&self.recent);
+        if let Some(at) = recent.iter().position(|(k, _)| *k == key) {
+            recent[..=at].rotate_right(1);
+            return recent[0].1.clone();
+        }
+        drop(recent);
+        let signals = Arc::new(compute());
+        let mut recent = hold(&self.recent);
+        recent.truncate(MOST_RECENT - 1);
+        recent.insert(0, (key, signals.clone()));
+        signals
     }
 
     /// Mean acceleration, relative to the measured position, of the load that an effect hangs on the axis.
@@ -451,6 +516,8 @@ impl Problem {
     }
 }
 
+/// Signals that are kept: those of the input and of all terms of a model, and as many again.
+const MOST_RECENT: usize = 16;
 /// Values that a generation of the cache holds of each column, …
 const MOST_VALUES: usize = 4_000_000;
 /// … but at least so many columns: those that the widest grids make and a search asks for again in each round.

@@ -38,10 +38,10 @@ impl Forces {
         [gain, back_emf, inertia, coulomb, viscous].map(f64::to_bits)
     }
 
-    /// Drive in every cell of a track.
-    fn drive(&self, track: &Track, path: &Path) -> Vec<f64> {
-        let input = track.input(path).into_iter().zip(&track.cells);
-        let drive = |(u, cell): (f64, &Point)| self.gain * (u - self.back_emf * cell.v);
+    /// Drive in the cells of a track under an input.
+    fn drive(&self, track: &Track, input: &[f64]) -> Vec<f64> {
+        let input = input.iter().zip(&track.cells);
+        let drive = |(u, cell): (&f64, &Point)| self.gain * (u - self.back_emf * cell.v);
         input.map(drive).collect()
     }
 }
@@ -95,12 +95,13 @@ impl Motor {
 }
 
 impl Slack {
-    /// Follows the motor through the gap on a path along a track, from the end towards which it pushes first.
-    pub fn new(track: &Track, forces: &Forces, path: &Path) -> Self {
+    /// Follows the motor through the gap on a path along a track, from the end towards which it pushes first, through the cells
+    /// whose input is given.
+    pub fn new(track: &Track, input: &[f64], forces: &Forces, path: &Path) -> Self {
         let (h, half) = (track.period, 0.5 * path.gap);
         let motor = Motor::of(forces, path);
-        let drive = forces.drive(track, path);
-        let count = track.cells.len();
+        let drive = forces.drive(track, input);
+        let count = drive.len();
         let mut missing = vec![0.0; count];
         let mut load = Vec::with_capacity(count + 1);
         let first = drive.iter().find(|drive| **drive != 0.0);

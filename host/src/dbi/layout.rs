@@ -45,7 +45,10 @@ impl Layout {
     /// The windows of a workbench.
     pub fn new(bench: &Workbench, recordings: &[Recording]) -> Self {
         let problem = &bench.problem;
-        let laid = recordings.iter().zip(problem.tracks.iter()).zip(&problem.windows);
+        let laid = recordings
+            .iter()
+            .zip(problem.tracks.iter())
+            .zip(&problem.windows);
         Self {
             reason: bench.width.reason(),
             tried: bench.width.tried.clone(),

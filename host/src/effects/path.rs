@@ -104,6 +104,25 @@ impl Path {
         }
     }
 
+    /// What acts on the input alone, before any spring or gap.
+    #[must_use]
+    pub fn of_input(&self) -> Self {
+        let Self {
+            dead_zone,
+            limit,
+            delay,
+            lag,
+            ..
+        } = *self;
+        Self {
+            dead_zone,
+            limit,
+            delay,
+            lag,
+            ..Self::default()
+        }
+    }
+
     /// Mean over the next `h` seconds of a lagged input that stands at `y` while `w` is held, and where it ends.
     pub fn relax(&self, y: f64, w: f64, h: f64) -> (f64, f64) {
         if self.lag <= 0.0 {
@@ -117,17 +136,16 @@ impl Path {
 
     /// What a spring passes of a signal that is held in cells of `h` seconds: means over the cells, and where it stands at
     /// their ends. The signal has stood at the first value since ever.
-    pub fn swung(&self, cells: &[f64], h: f64) -> (Vec<f64>, Vec<Swing>) {
+    pub fn swung(&self, cells: &[f64], h: f64) -> impl Iterator<Item = (f64, Swing)> {
         let (spring, mut swing) = (
             self.swinging(h),
             Swing::at_ease(cells.first().copied().unwrap_or_default()),
         );
-        let pass = |&w: &f64| {
+        cells.iter().map(move |&w| {
             let mean;
             (mean, swing) = spring.pass(swing, w);
             (mean, swing)
-        };
-        cells.iter().map(pass).unzip()
+        })
     }
 
     /// The spring over steps of `h` seconds.

@@ -320,7 +320,7 @@ impl Workbench {
 
     /// Gives the linear parameters of a model their values.
     fn solve(&self, model: &mut Model) -> Result<f64> {
-        let system = System::new(&self.problem, model)?;
+        let system = System::new(self.problem.training(), model)?;
         let score = system
             .whitened(&self.noise)
             .score(&self.blocks)

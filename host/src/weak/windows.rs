@@ -129,7 +129,8 @@ impl Windows {
             .map(|(x, s)| x * s)
             .collect();
         if path.swings() {
-            self.apply(&self.hold, &path.swung(&sliding, track.period).0)
+            let swung = path.swung(&sliding, track.period);
+            self.apply(&self.hold, &swung.map(|(mean, _)| mean).collect::<Vec<_>>())
         } else {
             self.apply(&self.hold, &sliding)
         }
