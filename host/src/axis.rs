@@ -281,6 +281,12 @@ impl Axis {
         })
     }
 
+    /// Whether how it goes on depends on more than the position and the velocity that an encoder sees.
+    pub fn remembers_more(&self) -> bool {
+        let within = self.coupling.is_some() || self.contact.bristles.is_some();
+        within || self.path.lag > 0.0 || !self.errors.is_empty()
+    }
+
     /// Where the load stands at every node of a track, and how fast it moves, both relative to the driven side; empty without
     /// a load.
     pub fn carried(&self, track: &Track) -> Vec<[f64; 2]> {

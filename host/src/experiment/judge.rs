@@ -7,7 +7,7 @@ use crate::axis::Axis;
 use crate::error::Result;
 use crate::fit::HORIZON;
 use crate::model::Model;
-use crate::simulate;
+use crate::simulate::{self, State};
 
 /// What predictions are compared in.
 pub(super) struct Judge {
@@ -28,7 +28,7 @@ impl Judge {
         rivals: &[Model],
         candidate: &Candidate,
     ) -> Result<f64> {
-        let own = self.responses(model, candidate)?;
+        let own = self.own(model, candidate)?;
         let mut least = f64::INFINITY;
         for rival in rivals {
             let other = self.responses(rival, candidate)?;
@@ -43,7 +43,7 @@ impl Judge {
     /// predictions within a window are one.
     pub fn improvement(&self, model: &Model, target: usize, candidate: &Candidate) -> Result<f64> {
         let free = free(model);
-        let own = self.responses(model, candidate)?;
+        let own = self.own(model, candidate)?;
         let windows = (candidate.t[candidate.t.len() - 1] / HORIZON).max(1.0);
         let weight = (windows / own.len() as f64).sqrt() / self.noise;
         let mut sensitivities = DMatrix::zeros(own.len(), free.len());
@@ -69,6 +69,19 @@ impl Judge {
             .map_or(0.0, |inverse| 1.0 / inverse[(at, at)].sqrt()))
     }
 
+    /// Responses of the model that the candidate was made with. From any of its states a run goes on as it did, where they are
+    /// all that the axis remembers.
+    fn own(&self, model: &Model, candidate: &Candidate) -> Result<Vec<f64>> {
+        if Axis::new(model)?.remembers_more() {
+            return self.responses(model, candidate);
+        }
+        Ok(candidate.states.iter().map(|s| self.seen(s)).collect())
+    }
+
+    fn seen(&self, state: &State) -> f64 {
+        if self.positions { state.q } else { state.v }
+    }
+
     /// Responses over windows of 1 s, each from the state that the candidate reaches there.
     fn responses(&self, model: &Model, candidate: &Candidate) -> Result<Vec<f64>> {
         let axis = Axis::new(model)?;
@@ -80,11 +93,7 @@ impl Judge {
             let end = candidate.t.partition_point(|t| *t < horizon).max(first + 1);
             let from = candidate.states[first];
             let states = simulate::run_axis(&axis, &recording, first, end - 1, from);
-            responses.extend(
-                states
-                    .iter()
-                    .map(|s| if self.positions { s.q } else { s.v }),
-            );
+            responses.extend(states.iter().map(|s| self.seen(s)));
             first = end;
         }
         Ok(responses)
