@@ -280,6 +280,11 @@ impl System {
         own.chain(others).collect()
     }
 
+    /// What residuals count for: see [`emphasis`].
+    pub fn emphasis(&self) -> f64 {
+        self.emphasis
+    }
+
     /// A column that carries encoder noise, and the energy of that noise.
     pub fn errors(&self) -> Option<(usize, f64)> {
         self.errors

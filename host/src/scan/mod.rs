@@ -78,6 +78,12 @@ pub struct Found {
 
 /// Steps of golden-section refinement between the neighbours of the best value: a factor of 0.618 each.
 const GOLDEN_STEPS: usize = 10;
+/// Places on a grid that are scored side by side.
+const BATCH: usize = 16;
+/// Places on a grid from which on it is large.
+const MANY: usize = 64;
+/// What a gain may be larger than computed, as a factor that leaves room for much more than rounding.
+const ROUNDING: f64 = 1.01;
 /// An inertia beyond what a recording leaves room for by more than this factor is a sign that a term took its place.
 const IMPLAUSIBLE: f64 = 3.0;
 
@@ -118,10 +124,7 @@ impl<'a> Ground<'a> {
         shapes
             .iter()
             .for_each(|&shape| self.prepare(term, &grid, shape));
-        let scores: Vec<Option<Score>> = tried
-            .par_iter()
-            .map(|&(_, inner)| self.with(term, inner))
-            .collect::<Result<_>>()?;
+        let scores = self.scores(term, &tried)?;
         let mut best: Option<(usize, Found)> = None;
         for (&(k, inner), score) in tried.iter().zip(scores) {
             let Some(score) = score else { continue };
@@ -146,6 +149,44 @@ impl<'a> Ground<'a> {
             self.refine(term, 0, bracket, &mut found)?;
         }
         Ok(Some(found))
+    }
+
+    /// The scores of a term on a grid, of those at least that may be the best.
+    fn scores(&self, term: &Term, tried: &[(usize, Inner)]) -> Result<Vec<Option<Score>>> {
+        let mut scores = vec![None; tried.len()];
+        let mut best = f64::INFINITY;
+        for batch in self.ranked(term, tried).chunks(BATCH) {
+            if batch[0].0 > best {
+                break;
+            }
+            let with = |&(_, at): &(f64, usize)| self.with(term, tried[at].1);
+            let found: Vec<Option<Score>> = batch.par_iter().map(with).collect::<Result<_>>()?;
+            for (&(_, at), score) in batch.iter().zip(found) {
+                best = score.as_ref().map_or(best, |s| best.min(s.chi2));
+                scores[at] = score;
+            }
+        }
+        Ok(scores)
+    }
+
+    /// The places on a grid with the least χ² that a term may leave there, the best first: on a large one by the gain of its
+    /// columns, which no bound on their coefficients and no law without its fall exceeds. It costs less than a score. Where that
+    /// is not so, as noise in a regressor is taken off or bristles bend otherwise under another law, any may be the best.
+    fn ranked(&self, term: &Term, tried: &[(usize, Inner)]) -> Vec<(f64, usize)> {
+        let bounded = self.system.errors().is_none() && self.model.bristle_term().is_none();
+        let width = term.effect.width();
+        if tried.len() < MANY || width == 0 || !bounded {
+            return (0..tried.len()).map(|at| (0.0, at)).collect();
+        }
+        let projection = self.projection();
+        let scale = ROUNDING * self.system.emphasis().powi(2);
+        let least = |(at, &(_, inner)): (usize, &(usize, Inner))| {
+            let gain = projection.gain(&self.columns(&self.model_with(term, inner)));
+            (self.score.chi2 - scale * gain, at)
+        };
+        let mut ranked: Vec<(f64, usize)> = tried.par_iter().enumerate().map(least).collect();
+        ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+        ranked
     }
 
     /// Has the columns of a term ready over a whole grid of its scanned parameter, where they cost less together.
