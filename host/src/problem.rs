@@ -213,7 +213,9 @@ impl Problem {
         if last.bristled == bristled {
             return last;
         }
-        let bent = self.tracks.iter().map(|t| t.bend(law.as_ref())).collect();
+        let tracks = self.tracks.iter().zip(&self.windows);
+        let bent = tracks.map(|(t, w)| t.bend_of(w.cells(t), law.as_ref()));
+        let bent = bent.collect();
         let direction = Direction {
             bristled,
             bent: Some(Arc::new(bent)),
@@ -229,7 +231,9 @@ impl Problem {
         key.extend(path.spring().bits());
         self.cached(("coulomb", key), || {
             let before = ("coulomb", direction.bristled.to_vec());
-            self.signals(before, direction, (path, false), 1, |at, out| out[0] = at.s)
+            self.signals(before, direction, (path, false), 1, |points, signals| {
+                signals[0].extend(points.iter().map(|at| at.s));
+            })
         })
         .remove(0)
     }
@@ -283,10 +287,12 @@ impl Problem {
             return Vec::new();
         }
         self.cached(key(effect, inner, direction, path), || {
-            let basis = |at: Point, out: &mut [f64]| effect.basis(inner, at, out);
+            let bases = |points: &[Point], signals: &mut [Vec<f64>]| {
+                effect.bases(inner, points, signals);
+            };
             let before = key(effect, inner, direction, &path.of_input());
             let way = (path, effect.driven());
-            self.signals(before, direction, way, effect.width(), basis)
+            self.signals(before, direction, way, effect.width(), bases)
         })
     }
 
@@ -351,15 +357,16 @@ impl Problem {
         direction: &Direction,
         way: (&Path, bool),
         width: usize,
-        basis: impl Fn(Point, &mut [f64]),
+        bases: impl Fn(&[Point], &mut [Vec<f64>]),
     ) -> Vec<Vec<f64>> {
         let of_track = |index: usize| {
             let count = self.windows[index].cells(&self.tracks[index]);
             let mut signals = vec![Vec::with_capacity(count); width];
-            let mut out = vec![0.0; width];
-            for at in self.points(index, direction, way) {
-                basis(at, &mut out);
-                signals.iter_mut().zip(&out).for_each(|(s, b)| s.push(*b));
+            if way.1 || direction.bent.is_some() {
+                let points: Vec<Point> = self.points(index, direction, way).collect();
+                bases(&points, &mut signals);
+            } else {
+                bases(&self.tracks[index].cells[..count], &mut signals);
             }
             signals
         };

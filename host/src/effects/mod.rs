@@ -206,6 +206,14 @@ pub trait Effect: Sync {
             (*sin, *cos) = wave.at(&at);
         }
     }
+    /// The same at many points, one signal for each coefficient: within the loop it is known which effect it is.
+    fn bases(&self, inner: Inner, points: &[Point], signals: &mut [Vec<f64>]) {
+        let mut out = vec![0.0; signals.len()];
+        for &at in points {
+            self.basis(inner, at, &mut out);
+            signals.iter_mut().zip(&out).for_each(|(s, b)| s.push(*b));
+        }
+    }
     /// The wave that its basis is, if it is one: then many values of its scanned parameter are tried together.
     fn wave(&self, _inner: Inner) -> Option<Wave> {
         None

@@ -26,11 +26,16 @@ impl Track {
     /// A recording that begins at rest begins with straight bristles, and one that begins in motion with those that coming up to
     /// its speed has bent.
     pub fn bend(&self, law: &dyn Dynamic<f64>) -> Vec<Bent> {
+        self.bend_of(self.cells.len(), law)
+    }
+
+    /// The same in the first cells at least.
+    pub fn bend_of(&self, cells: usize, law: &dyn Dynamic<f64>) -> Vec<Bent> {
         let breakaway = law.level(0.0) / law.stiffness();
         let shows = breakaway >= CERTAIN * self.position_noise;
-        let mut bent = Vec::with_capacity(self.cells.len());
+        let mut bent = Vec::with_capacity(cells);
         let mut z = law.advance(0.0, self.v[0], self.run_up());
-        while bent.len() < self.cells.len() {
+        while bent.len() < cells {
             let from = bent.len();
             let rest = self.sliding[from..]
                 .iter()
