@@ -127,16 +127,21 @@ impl Products {
         let n = columns.len();
         let had = self.grams.first().map_or(n, |gram| gram.xy.len());
         let mut grams: Vec<Gram> = self.grams.iter().map(|gram| gram.grown(n)).collect();
-        let mut x = vec![0.0; n];
-        for (row, block) in blocks.iter().enumerate() {
-            let Some(block) = *block else { continue };
+        let mut first = 0;
+        for run in blocks.chunk_by(|a, b| a == b) {
+            let rows = first..first + run.len();
+            first = rows.end;
+            let Some(block) = run[0] else { continue };
             let gram = &mut grams[block];
-            x.iter_mut().zip(columns).for_each(|(x, c)| *x = c[row]);
+            let x: Vec<&[f64]> = columns.iter().map(|c| &c[rows.clone()]).collect();
             for j in had..n {
-                gram.xy[j] += x[j] * response[row];
-                let xj = x[j];
                 let column = &mut gram.xx.as_mut_slice()[j * n..=j * n + j];
-                column.iter_mut().zip(&x).for_each(|(g, xi)| *g += xi * xj);
+                add_products(column, &x[..=j], x[j]);
+                add_products(
+                    &mut gram.xy.as_mut_slice()[j..=j],
+                    &[&response[rows.clone()]],
+                    x[j],
+                );
             }
         }
         let lower = |gram: &mut Gram| gram.xx.fill_lower_triangle_with_upper_triangle();
@@ -234,6 +239,33 @@ pub fn dots<const N: usize>(a: &[f64], columns: &[[f64; N]]) -> [f64; N] {
         let sum = (0..4).fold(0.0, |sum, i| sum + (sums[i][k] + sums[i + 4][k]));
         tail.clone().fold(sum, |sum, (a, row)| sum + a * row[k])
     })
+}
+
+/// Adds the scalar products of several columns with one, row by row: in that order whatever they are cut into.
+fn add_products(sums: &mut [f64], columns: &[&[f64]], by: &[f64]) {
+    let (fours, rest) = sums.as_chunks_mut();
+    let (columns, other_columns) = columns.as_chunks();
+    for (sums, columns) in fours.iter_mut().zip(columns) {
+        add_side_by_side::<4>(sums, columns, by);
+    }
+    let (pairs, rest) = rest.as_chunks_mut();
+    let (columns, other_columns) = other_columns.as_chunks();
+    for (sums, columns) in pairs.iter_mut().zip(columns) {
+        add_side_by_side::<2>(sums, columns, by);
+    }
+    for (sum, column) in rest.iter_mut().zip(other_columns) {
+        *sum = column.iter().zip(by).fold(*sum, |sum, (x, y)| sum + x * y);
+    }
+}
+
+/// Each sum waits for its row before, and several wait together.
+fn add_side_by_side<const N: usize>(sums: &mut [f64; N], columns: &[&[f64]; N], by: &[f64]) {
+    let columns = columns.map(|column| &column[..by.len()]);
+    let mut all = *sums;
+    for (row, y) in by.iter().enumerate() {
+        (0..N).for_each(|k| all[k] += columns[k][row] * y);
+    }
+    *sums = all;
 }
 
 /// `response − columns·β` of every row, over as many columns as β has entries.
