@@ -154,9 +154,10 @@ impl Path {
         let root = (1.0 - zeta * zeta).sqrt();
         let (sin, cos) = (self.resonance * root * h).sin_cos();
         let decay = (-zeta * self.resonance * h).exp();
+        let (cos, sin) = (decay * cos, decay * sin / root);
         Swinging {
-            turn: [decay * cos, decay * sin / root],
-            zeta,
+            left: [cos + zeta * sin, cos - zeta * sin],
+            turned: sin,
             angle: self.resonance * h,
         }
     }
@@ -164,23 +165,24 @@ impl Path {
 
 /// A spring over steps of equal length.
 struct Swinging {
-    /// What is left of a deflection, and what a rate adds to it.
-    turn: [f64; 2],
-    zeta: f64,
+    /// What is left of a deflection, and of a rate.
+    left: [f64; 2],
+    /// What a rate adds to a deflection, and a deflection takes off a rate.
+    turned: f64,
     /// `ω·h`.
     angle: f64,
 }
 
 impl Swinging {
-    /// Mean of what the spring passes over a step while `w` is held, and where it ends.
+    /// Mean of what the spring passes over a step while `w` is held, and where it ends. In steps one after the other each
+    /// waits for the one before, so what of it does not is kept apart.
     ///
     /// Its damping cancels in the integral: `∫(a + 2ζ·b) = w·h − (b_h − b_0)/ω`.
-    fn pass(&self, from: Swing, w: f64) -> (f64, Swing) {
-        let [cos, sin] = self.turn;
-        let (e, b) = (from.a - w, from.b);
+    fn pass(&self, Swing { a, b }: Swing, w: f64) -> (f64, Swing) {
+        let ([of_a, of_b], turned) = (self.left, self.turned);
         let end = Swing {
-            a: w + e * cos + (b + self.zeta * e) * sin,
-            b: b * cos - (e + self.zeta * b) * sin,
+            a: of_a * a + (turned * b + (1.0 - of_a) * w),
+            b: (of_b * b + turned * w) - turned * a,
         };
         (w - (end.b - b) / self.angle, end)
     }
