@@ -193,11 +193,14 @@ impl Problem {
             ..*path
         };
         self.cached(("input", path.bits().to_vec()), || {
-            let inputs = if path.swings() {
-                self.inputs(&path)
+            let mut inputs = if path.swings() {
+                self.inputs(&path).to_vec()
             } else {
-                Arc::new(self.inputs_of(&path))
+                self.inputs_of(&path)
             };
+            for (track, signals) in self.tracks.iter().zip(&mut inputs) {
+                signals.iter_mut().for_each(|signal| track.slide(signal));
+            }
             self.functionals(&inputs, &path)
         })
         .remove(0)
@@ -315,12 +318,13 @@ impl Problem {
         let mut columns = vec![[Vec::new(), Vec::new()]; numbers.len()];
         for (index, (track, windows)) in self.tracks.iter().zip(&self.windows).enumerate() {
             let cells = self.points(index, direction, (path, effect.driven()));
-            let (x, carrier): (Vec<f64>, Vec<f64>) = cells
+            let (x, mut carrier): (Vec<f64>, Vec<f64>) = cells
                 .map(|at| ((first.coordinate)(&at), (first.carrier)(&at)))
                 .unzip();
+            track.slide(&mut carrier);
             let carried = |wave: &[f64]| {
                 let cells: Vec<f64> = wave.iter().zip(&carrier).map(|(w, c)| c * w).collect();
-                windows.hold_through(track, &cells, path)
+                windows.hold_sliding(&cells, track.period, path)
             };
             let pairs = phasor::each(&numbers, &x, |sin, cos| [carried(sin), carried(cos)]);
             for (columns, pair) in columns.iter_mut().zip(pairs) {
@@ -355,36 +359,36 @@ impl Problem {
         &self,
         before: Key,
         direction: &Direction,
-        way: (&Path, bool),
+        (path, driven): (&Path, bool),
         width: usize,
         bases: impl Fn(&[Point], &mut [Vec<f64>]),
     ) -> Vec<Vec<f64>> {
         let of_track = |index: usize| {
             let count = self.windows[index].cells(&self.tracks[index]);
             let mut signals = vec![Vec::with_capacity(count); width];
-            if way.1 || direction.bent.is_some() {
-                let points: Vec<Point> = self.points(index, direction, way).collect();
-                bases(&points, &mut signals);
+            if driven || direction.bent.is_some() {
+                let points = self.points(index, direction, (path, driven));
+                bases(&points.collect::<Vec<_>>(), &mut signals);
             } else {
                 bases(&self.tracks[index].cells[..count], &mut signals);
             }
+            signals.iter_mut().for_each(|s| self.tracks[index].slide(s));
             signals
         };
         let all = || (0..self.tracks.len()).map(of_track).collect();
-        let signals = if way.0.swings() {
-            self.recent(before, all)
+        if path.swings() {
+            self.functionals(&self.recent(before, all), path)
         } else {
-            Arc::new(all())
-        };
-        self.functionals(&signals, way.0)
+            self.functionals(&all(), path)
+        }
     }
 
-    /// Functionals of signals of the cells behind the spring of a path.
-    fn functionals(&self, signals: &Signals, path: &Path) -> Vec<Vec<f64>> {
+    /// Functionals of signals of the sliding part of the cells behind the spring of a path.
+    fn functionals(&self, signals: &[Vec<Vec<f64>>], path: &Path) -> Vec<Vec<f64>> {
         let mut columns = vec![Vec::with_capacity(self.rows.len()); signals[0].len()];
-        for ((track, windows), signals) in self.tracks.iter().zip(&self.windows).zip(&**signals) {
+        for ((track, windows), signals) in self.tracks.iter().zip(&self.windows).zip(signals) {
             for (column, signal) in columns.iter_mut().zip(signals) {
-                column.extend(windows.hold_through(track, signal, path));
+                column.extend(windows.hold_sliding(signal, track.period, path));
             }
         }
         columns

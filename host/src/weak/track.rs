@@ -274,6 +274,12 @@ impl Track {
         cell.at(Moment { u, ..cell.moment })
     }
 
+    /// Takes out of a signal given by its mean in each of the first cells what is not of their sliding part.
+    pub fn slide(&self, cells: &mut [f64]) {
+        let parts = cells.iter_mut().zip(&self.sliding);
+        parts.for_each(|(x, s)| *x *= s);
+    }
+
     /// Time in the middle of cell `k`.
     pub fn cell_time(&self, k: usize) -> f64 {
         self.start + (k as f64 + 0.5) * self.period

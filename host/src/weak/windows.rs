@@ -128,11 +128,16 @@ impl Windows {
             .zip(&track.sliding)
             .map(|(x, s)| x * s)
             .collect();
+        self.hold_sliding(&sliding, track.period, path)
+    }
+
+    /// The same of a signal of the sliding part of every cell alone.
+    pub fn hold_sliding(&self, sliding: &[f64], period: f64, path: &Path) -> Vec<f64> {
         if path.swings() {
-            let swung = path.swung(&sliding, track.period);
-            self.apply(&self.hold, &swung.map(|(mean, _)| mean).collect::<Vec<_>>())
+            let swung = path.swung(sliding, period).map(|(mean, _)| mean);
+            self.apply(&self.hold, &swung.collect::<Vec<_>>())
         } else {
-            self.apply(&self.hold, &sliding)
+            self.apply(&self.hold, sliding)
         }
     }
 
