@@ -368,14 +368,14 @@ pub fn inverse(axis: &Axis, recording: &Recording, track: &Track) -> Vec<f64> {
             v: track.v[k],
         })
     };
+    let positions: Vec<f64> = (0..=last).map(|k| truth(k).q).collect();
+    let accelerations = track.acceleration(&positions, recording.q.is_none());
     let bent = axis.contact.bristles().map(|law| (law, track.bend(law)));
     recording
         .t
         .iter()
         .map(|t| {
             let k = (((t - track.start) / track.period).round().max(0.0) as usize).min(last);
-            let (a, b) = (k.max(1) - 1, (k + 1).min(last));
-            let acceleration = (truth(b).v - truth(a).v) / ((b - a) as f64 * track.period);
             let state = truth(k);
             let (s, bristles) = if let Some((law, bent)) = &bent {
                 let bent = bent[k.min(bent.len() - 1)];
@@ -396,7 +396,7 @@ pub fn inverse(axis: &Axis, recording: &Recording, track: &Track) -> Vec<f64> {
                     u,
                 };
                 let friction = axis.contact.resistance(moment, state, s) + bristles;
-                (axis.inertia * acceleration + friction) / axis.gain + axis.back_emf * state.v
+                (axis.inertia * accelerations[k] + friction) / axis.gain + axis.back_emf * state.v
             };
             // Where the resistance depends on the input itself, less than one to one, iteration settles both.
             let rounds = if axis.contact.driven() { ROUNDS } else { 1 };

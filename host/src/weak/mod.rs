@@ -1,5 +1,6 @@
 //! From recordings to weak-form rows: uniform tracks, smoothed velocity, windows and functionals.
 
+mod acceleration;
 mod bend;
 mod reversal;
 mod smooth;
