@@ -16,7 +16,8 @@ const PLACED: f64 = 2.0;
 
 /// How far a term is told from none, as a share of what suffices, if it does not.
 ///
-/// Counted are its scanned parameter, and the largest of those that say how much of it there is. The part of the inertia
+/// Counted are its scanned parameter, and the largest of those that say how much of it there is, or the one that makes it what it
+/// is. The part of the inertia
 /// behind a spring or a gap is not: it stands in for the other part, and the spring or the gap itself shows the load. Nor are
 /// the coefficient of a power, whose very unit follows the exponent, instants, which may lie anywhere, and phases. Bristles
 /// are none where they are stiff, and soft ones trade off against the level that they yield at, for which errors on a linear
@@ -35,7 +36,8 @@ pub(super) fn doubt(term: &Term) -> Option<f64> {
     let sizes = specs
         .filter(|(k, spec)| {
             let other = matches!(spec.quantity, Quantity::Phase | Quantity::PowerLaw);
-            !inner.contains(&Some(*k)) && !other
+            let counts = effect.essential().is_none_or(|essential| essential == *k);
+            counts && !inner.contains(&Some(*k)) && !other
         })
         .map(|(k, _)| errors(k))
         .reduce(f64::max)
@@ -83,6 +85,11 @@ mod tests {
         assert!(doubtful("thermal-drift", &[2.9, 2.9, 9.0]));
         assert!(doubtful("delay", &[2.9]) && !doubtful("delay", &[3.1]));
         assert!(!doubtful("presliding", &[0.1]));
+        // The stiffness of any spring, and what hardens.
+        assert!(
+            doubtful("hardening-spring", &[99.0, 2.9])
+                && !doubtful("hardening-spring", &[0.1, 3.1])
+        );
         // The inertia behind a spring, its resonance and damping.
         assert!(
             !doubtful("compliance", &[0.1, 2.1, 0.1]) && doubtful("compliance", &[9.0, 1.9, 9.0])

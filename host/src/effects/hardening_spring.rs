@@ -62,6 +62,10 @@ impl Effect for HardeningSpring {
     fn width(&self) -> usize {
         2
     }
+    fn essential(&self) -> Option<usize> {
+        // Without the cubic it is a spring.
+        Some(1)
+    }
     fn basis(&self, _inner: Inner, at: Point, out: &mut [f64]) {
         out[0] = at.q;
         out[1] = at.q * at.q * at.q;

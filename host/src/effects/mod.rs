@@ -186,6 +186,10 @@ pub trait Effect: Sync {
     fn inner(&self) -> Option<usize> {
         None
     }
+    /// Which parameter makes it what it is, if one does: at none of it, it is another effect of the catalogue.
+    fn essential(&self) -> Option<usize> {
+        None
+    }
     /// Which parameter is a second inner one, if any, and the value that it has where nothing says otherwise; without a
     /// search of its own it is only refined.
     fn shape(&self) -> Option<(usize, f64)> {
