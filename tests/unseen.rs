@@ -287,11 +287,9 @@ fn a_friction_law_does_not_stand_in_for_gravity() {
     assert!(level >= 0.0, "{level}");
 }
 
-/// Of an imposed motion the force is measured when the motion is. Held until the next sample it would lag by half of an interval,
-/// which at the fastest of the motion looks like a hum.
-#[test]
-fn a_measured_force_is_not_late() {
-    const RATE: f64 = 250.0;
+/// Diagnoses 30 s of an imposed motion, seen by an encoder with steps of some size, whose force overcomes another one besides
+/// inertia and friction.
+fn diagnosed_of_force(rate: f64, step: f64, other: impl Fn(f64) -> f64) -> Value {
     let waves =
         [(0.31, 1.0), (0.83, 0.5), (2.3, 0.2), (5.1, 0.1)].map(|(hertz, size)| (TAU * hertz, size));
     let sum = |wave: &dyn Fn(f64) -> f64| {
@@ -302,17 +300,19 @@ fn a_measured_force_is_not_late() {
     };
     let mut rng = ChaCha8Rng::seed_from_u64(5);
     let sample = |k: u32| {
-        let t = f64::from(k) / RATE;
+        let t = f64::from(k) / rate;
+        let position = sum(&|omega| (omega * t).sin());
         let velocity = sum(&|omega| omega * (omega * t).cos());
         let acceleration = -sum(&|omega| omega * omega * (omega * t).sin());
         let noise = 0.01 * (rng.random::<f64>() - 0.5);
+        let friction = 0.12 * velocity.signum() + 0.02 * velocity;
         Sample {
             t,
-            u: 0.012 * acceleration + 0.12 * velocity.signum() + 0.02 * velocity + noise,
-            q: sum(&|omega| (omega * t).sin()),
+            u: 0.012 * acceleration + friction + other(position) + noise,
+            q: (position / step).round() * step,
         }
     };
-    let samples: Vec<Sample> = (0..7500).map(sample).collect();
+    let samples: Vec<Sample> = (0..(30.0 * rate) as u32).map(sample).collect();
     let folder = Folder::new();
     folder.write(
         "axis.toml",
@@ -320,8 +320,25 @@ fn a_measured_force_is_not_late() {
     );
     folder.write("run.csv", csv(&samples));
     folder.done("diagnose run.csv --model axis.toml --json out.json");
-    let json = folder.json("out.json");
+    folder.json("out.json")
+}
+
+/// Of an imposed motion the force is measured when the motion is. Held until the next sample it would lag by half of an interval,
+/// which at the fastest of the motion looks like a hum.
+#[test]
+fn a_measured_force_is_not_late() {
+    let json = diagnosed_of_force(250.0, 1e-9, |_| 0.0);
     assert_eq!(json["verdict"], "adequate", "{}", json["text"]);
+}
+
+/// What counts make of the acceleration is not the model's fault: as such it was most of the force, and no finding was believed.
+#[test]
+fn a_force_is_predicted_in_spite_of_counts() {
+    let json = diagnosed_of_force(2000.0, TAU / 4096.0, |q| 0.1 * q.sin());
+    assert_eq!(json["verdict"], "explained", "{}", json["text"]);
+    only_finding(&json, "gravity", 0.7);
+    let left = json["fit"]["after"]["held_out"]["nrmse"].as_f64();
+    assert!(left.is_some_and(|nrmse| nrmse < 0.15), "{left:?}");
 }
 
 /// Friction that doubles for a second now and then follows no coordinate, and is no noise either.
@@ -491,6 +508,29 @@ fn what_the_rest_makes_up_for_is_not_named() {
         );
         let json = diagnosed_of(plain, BASELINE, &options);
         assert_eq!(json["verdict"], "adequate", "seed {seed}: {}", json["text"]);
+    }
+}
+
+/// Bristles that never yield are a spring. As such they stood in for the one that was left out, and for their own friction there was
+/// none.
+#[test]
+fn a_friction_law_does_not_stand_in_for_a_spring() {
+    let dahl = |values: [&str; 4]| {
+        let [inertia, coulomb, viscous, stiffness] = values;
+        format!(
+            "[plant]\nmotion = \"rotary\"\ninertia = {inertia}\n[friction]\nmodel = \"dahl\"\ncoulomb = {coulomb}\nviscous = {viscous}\nbristle_stiffness = {stiffness}\n"
+        )
+    };
+    let truth = dahl(["0.013", "0.15", "0.02", "6.5"]) + "[effects.spring]\nstiffness = 0.007\n";
+    let baseline = dahl(["\"?\""; 4]);
+    for seed in 1..=2 {
+        let options = format!(
+            "--excite multisine --amplitude 2.5 --band 0.02:2 --duration 30 --rate 500 --counts 10000 --noise 0.1 --seed {seed}"
+        );
+        let json = diagnosed_of(&truth, &baseline, &options);
+        let finding = only_finding(&json, "spring", 0.1);
+        let off = value(finding, "stiffness") / 0.007 - 1.0;
+        assert!(off.abs() < 0.03, "{finding}");
     }
 }
 

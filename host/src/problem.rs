@@ -465,7 +465,7 @@ impl Problem {
     /// Without a single recording.
     pub fn survey(&self, model: &Model) -> Survey {
         Survey {
-            coulomb: model.coulomb.value.unwrap_or_default(),
+            level: model.level_at_rest(),
             ..*self.survey.get_or_init(|| self.all_tracks())
         }
     }
@@ -481,11 +481,12 @@ impl Problem {
                 duration: a.duration.max(b.duration),
                 half_width: a.half_width.max(b.half_width),
                 top_speed: a.top_speed.max(b.top_speed),
+                usual_speed: a.usual_speed.min(b.usual_speed),
                 slow: a.slow.min(b.slow),
                 travel: (a.travel.0.min(b.travel.0), a.travel.1.max(b.travel.1)),
                 input: (a.input.0.max(b.input.0), a.input.1.max(b.input.1)),
                 position_noise: a.position_noise.max(b.position_noise),
-                coulomb: a.coulomb,
+                level: a.level,
             })
             .expect("at least one recording")
     }

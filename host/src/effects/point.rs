@@ -71,14 +71,16 @@ pub struct Survey {
     pub half_width: f64,
     /// Speed that 98 % of the samples stay below.
     pub top_speed: f64,
+    /// Median speed while it moves, of the slowest recording.
+    pub usual_speed: f64,
     /// Speed below which the sign of the measured velocity is in doubt.
     pub slow: f64,
     /// Smallest and largest position.
     pub travel: (f64, f64),
     /// Standard deviation of the position noise.
     pub position_noise: f64,
-    /// Coulomb level, as far as it is known; zero before anything is.
-    pub coulomb: f64,
+    /// Level of friction at rest, as far as it is known; zero before anything is.
+    pub level: f64,
     /// Root mean square and largest size of the input, in its own unit.
     pub input: (f64, f64),
 }
@@ -86,11 +88,19 @@ pub struct Survey {
 impl Survey {
     /// How often what repeats so many times per turn or per metre does so in a second, at top speed.
     pub fn hertz(&self, periods: f64) -> f64 {
-        periods
-            * match self.motion {
-                Motion::Rotary => self.top_speed / TAU,
-                Motion::Linear => self.top_speed,
-            }
+        self.hertz_at(self.top_speed, periods)
+    }
+
+    /// The same at the usual speed.
+    pub fn usual_hertz(&self, periods: f64) -> f64 {
+        self.hertz_at(self.usual_speed, periods)
+    }
+
+    fn hertz_at(&self, speed: f64, periods: f64) -> f64 {
+        match self.motion {
+            Motion::Rotary => periods * speed / TAU,
+            Motion::Linear => periods * speed,
+        }
     }
 }
 

@@ -54,7 +54,7 @@ fn stiffnesses(survey: &Survey) -> Vec<f64> {
     let shortest = (0.5 * survey.position_noise)
         .max(0.1 * survey.top_speed * survey.period)
         .min(0.1 * longest);
-    let level = survey.coulomb.max(f64::MIN_POSITIVE);
+    let level = survey.level.max(f64::MIN_POSITIVE);
     let mut stiffnesses: Vec<f64> = geometric(shortest, longest, 14)
         .iter()
         .map(|distance| level / distance)

@@ -182,10 +182,11 @@ fn periods_that_pass_by_between_samples_are_not_tried() {
         duration: 10.0,
         half_width: 0.07,
         top_speed,
+        usual_speed: 0.5 * top_speed,
         slow: 0.01,
         travel: (-1.0, 1.0),
         position_noise: 1e-4,
-        coulomb: 0.1,
+        level: 0.1,
         input: (1.0, 2.0),
     };
     let most = |survey: &Survey| periodicities(survey, 1).last().copied().unwrap_or(0.0);

@@ -1,29 +1,59 @@
 //! The hierarchy's last step: bristles.
 
 use super::Workbench;
-use crate::model::{Model, Parameter, Term};
+use crate::effects::Survey;
+use crate::error::Result;
+use crate::model::{Model, Parameter, Status, Term};
 use crate::system;
 
 /// Breakaway distances to go on from: the optimum lies between two neighbours on the grid, and a third may pass for the best.
 const STARTS: usize = 3;
+
+/// Standard errors from which on the level that bristles yield at is told from none, and so from one that they never reach.
+const TOLD: f64 = 2.0;
+
+/// Models to refine.
+pub(super) struct Starts {
+    /// Of which the best counts.
+    pub models: Vec<Model>,
+    /// The one to take, its bristles as they are, if those of none of them [`yields`].
+    pub stiff: Option<Model>,
+}
+
+/// Whether the recordings show a level that bristles yield at, in sliding or at rest. Those that never yield are a spring, which
+/// stands in for whatever else depends on position.
+pub(super) fn yields(model: &Model) -> bool {
+    let falls = model.terms.iter().filter(|term| term.falls());
+    let mut levels = falls
+        .map(|term| &term.parameters[0])
+        .chain([&model.coulomb]);
+    levels.any(|level| {
+        let told = |se: f64| level.value.unwrap_or_default().abs() >= TOLD * se;
+        level.known || level.se.is_none_or(told)
+    })
+}
 
 impl Workbench {
     /// The last step of the hierarchy: the breakaway distances of bristles that fit best, each with the Stribeck velocity
     /// that goes best with it where that is unknown, the best first. The model itself where there is nothing to find.
     ///
     /// They are more than one since each bends the bristles with the ratio of levels that it begins with, not with that which
-    /// it ends with: only refinement tells which of them is best.
-    pub(super) fn bend(&self, model: &Model) -> Vec<Model> {
-        self.bent(model).unwrap_or_else(|| vec![model.clone()])
+    /// it ends with: only refinement tells which of them is best. Distances that fit better than their neighbours come first,
+    /// as what acts at reversals hardly shows beside something large that long distances make up for.
+    pub(super) fn bend(&self, model: &Model) -> Starts {
+        self.bent(model).unwrap_or_else(|| Starts {
+            models: vec![model.clone()],
+            stiff: None,
+        })
     }
 
     /// `None` where there is nothing to find, or nothing that physics allows.
-    fn bent(&self, model: &Model) -> Option<Vec<Model>> {
+    fn bent(&self, model: &Model) -> Option<Starts> {
         let bristles = model.bristle_term()?;
         let free = |term: usize| {
             let inner = model.terms[term].effect.inner()?;
             let parameter = &model.terms[term].parameters[inner];
-            (!parameter.known && parameter.se.is_none()).then_some(inner)
+            (!parameter.known && sought(parameter)).then_some(inner)
         };
         let stiffness = free(bristles)?;
         let fall = model.terms.iter().position(Term::falls);
@@ -44,7 +74,7 @@ impl Workbench {
             let grid = model.terms[k].effect.grid(&survey).into_iter();
             grid.map(|v| Some((k, inner, v))).collect()
         });
-        let mut found: Vec<(f64, Model)> = Vec::new();
+        let mut found: Vec<Option<(f64, Model)>> = Vec::new();
         for start in model.terms[bristles].effect.grid(&survey) {
             let mut best: Option<(f64, Model)> = None;
             for velocity in &velocities {
@@ -53,7 +83,7 @@ impl Workbench {
                 if let Some((k, inner, v)) = *velocity {
                     model.terms[k].parameters[inner].value = Some(v);
                 }
-                let level = survey.coulomb;
+                let level = survey.level;
                 let Some((chi2, mut model)) = self.solve_undamped(model, bristles) else {
                     continue;
                 };
@@ -63,28 +93,32 @@ impl Workbench {
                     best = Some((chi2, model));
                 }
             }
-            found.extend(best);
+            found.push(best);
         }
-        if !found.is_empty() {
-            found.sort_by(|a, b| a.0.total_cmp(&b.0));
-            found.truncate(STARTS);
-            return Some(found.into_iter().map(|(_, model)| model).collect());
+        Some(Starts {
+            models: best_of(&found),
+            stiff: stiff(model, bristles, stiffness, &survey),
+        })
+    }
+
+    /// The refinement of all but the bristles of a model, of which nothing shows: their errors have no bound.
+    pub(super) fn stiffly_refined(&self, mut model: Model) -> Result<(Model, f64)> {
+        let Some(bristles) = model.bristle_term() else {
+            return self.refined(model);
+        };
+        let own = model.terms[bristles].parameters.clone();
+        let held = model.terms[bristles].parameters.iter_mut();
+        held.for_each(|p| p.known = true);
+        let (mut model, chi2) = self.refined(model)?;
+        let refined = model.terms[bristles].parameters.iter_mut();
+        for (parameter, own) in refined.zip(own).filter(|(_, own)| !own.known) {
+            *parameter = Parameter {
+                se: Some(f64::INFINITY),
+                status: Status::NotExcited,
+                ..own
+            };
         }
-        // Nothing shows them: next to stiff, with an error without bound.
-        let mut stiff = model.clone();
-        let stiffest = model.terms[bristles].effect.grid(&survey).last().copied()?;
-        let level = model.coulomb.value.unwrap_or_default().max(0.0);
-        for (k, parameter) in stiff.terms[bristles].parameters.iter_mut().enumerate() {
-            if !parameter.known {
-                let value = if k == stiffness {
-                    stiffest * level / survey.coulomb
-                } else {
-                    0.0
-                };
-                (parameter.value, parameter.se) = (Some(value), Some(f64::INFINITY));
-            }
-        }
-        Some(vec![stiff])
+        Ok((model, chi2))
     }
 
     /// The linear parameters of a model with given bristles, these without damping if it would be negative.
@@ -107,4 +141,44 @@ impl Workbench {
             Some(_) => None,
         }
     }
+}
+
+/// Bristles of which nothing shows: next to stiff.
+fn stiff(model: &Model, bristles: usize, stiffness: usize, survey: &Survey) -> Option<Model> {
+    let mut stiff = model.clone();
+    let stiffest = model.terms[bristles].effect.grid(survey).last().copied()?;
+    let level = model.level_at_rest();
+    for (k, parameter) in stiff.terms[bristles].parameters.iter_mut().enumerate() {
+        if !parameter.known {
+            let value = if k == stiffness {
+                stiffest * level / survey.level
+            } else {
+                0.0
+            };
+            parameter.value = Some(value);
+        }
+    }
+    Some(stiff)
+}
+
+/// Whether a scanned parameter is open, or showed nothing so far.
+fn sought(parameter: &Parameter) -> bool {
+    let without_bound = parameter.se == Some(f64::INFINITY);
+    parameter.se.is_none() || without_bound && parameter.status == Status::NotExcited
+}
+
+/// The models of a grid to go on from, of those that have a χ²: first those that fit better than their neighbours, then the others,
+/// the best first of either.
+fn best_of(grid: &[Option<(f64, Model)>]) -> Vec<Model> {
+    let chi2 = |k: usize| {
+        let found = grid.get(k).and_then(Option::as_ref);
+        found.map_or(f64::INFINITY, |(chi2, _)| *chi2)
+    };
+    let dips = |k: usize| (k == 0 || chi2(k) <= chi2(k - 1)) && chi2(k) <= chi2(k + 1);
+    let mut order: Vec<usize> = (0..grid.len()).filter(|&k| grid[k].is_some()).collect();
+    order.sort_by(|&a, &b| dips(b).cmp(&dips(a)).then(chi2(a).total_cmp(&chi2(b))));
+    let models = order.into_iter().take(STARTS);
+    models
+        .filter_map(|k| grid[k].as_ref().map(|(_, model)| model.clone()))
+        .collect()
 }

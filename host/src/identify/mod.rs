@@ -264,14 +264,20 @@ impl Workbench {
     pub fn estimate(&self, model: &Model) -> Result<(Model, f64)> {
         let mut model = self.scan(with_starts(&self.problem, model))?;
         self.solve(&mut model)?;
-        let refined = self.bend(&model).into_iter().map(|s| self.refined(s));
+        let starts = self.bend(&model);
+        let refined = starts.models.into_iter().map(|s| self.refined(s));
         // A start that leads nowhere is no reason to give up the others.
+        let rank = |(model, chi2): &(Model, f64)| (!bend::yields(model), *chi2);
         let best = refined.reduce(|best, other| match (&best, &other) {
-            (Ok((_, least)), Ok((_, chi2))) if chi2 < least => other,
+            (Ok(one), Ok(two)) if rank(two) < rank(one) => other,
             (Err(_), Ok(_)) => other,
             _ => best,
         });
-        best.unwrap_or_else(|| Err(Error::Internal("nothing to begin with".to_owned())))
+        match (best, starts.stiff) {
+            (Some(Ok(found)), _) if bend::yields(&found.0) => Ok(found),
+            (best, Some(stiff)) => self.stiffly_refined(stiff).or(best.unwrap_or_else(nothing)),
+            (best, None) => best.unwrap_or_else(nothing),
+        }
     }
 
     /// The joint refinement of all unknown parameters from where they are, within what physics allows and the recordings show.
@@ -318,14 +324,19 @@ impl Workbench {
         Ok((model, chi2))
     }
 
-    /// Gives the linear parameters of a model their values.
+    /// Gives the linear parameters of a model their values. Its columns are those of bristles that yield after some distance,
+    /// which they go on to do at other levels.
     fn solve(&self, model: &mut Model) -> Result<f64> {
+        let breakaway = model.breakaway();
         let system = System::new(self.problem.training(), model)?;
         let score = system
             .whitened(&self.noise)
             .score(&self.blocks)
             .ok_or_else(|| undetermined(model))?;
         system.decode(&score.beta, model);
+        if let Some(distance) = breakaway {
+            model.break_away_after(distance);
+        }
         Ok(score.chi2)
     }
 
@@ -561,6 +572,10 @@ pub fn follow_everything(
             .for_each(|(r, c)| *r -= beta * c);
     }
     Ok((residual, columns.len()))
+}
+
+fn nothing<T>() -> Result<T> {
+    Err(Error::Internal("nothing to begin with".to_owned()))
 }
 
 fn undetermined(model: &Model) -> Error {

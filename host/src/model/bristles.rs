@@ -91,6 +91,35 @@ impl Model {
         [coulomb, of_fall(0), of_fall(1), of_fall(2), stiffness].map(f64::to_bits)
     }
 
+    /// Level of friction at rest, as far as it has a value.
+    pub fn level_at_rest(&self) -> f64 {
+        let falls = self.terms.iter().filter(|term| term.falls());
+        let levels = falls.map(|term| value(term, 0));
+        levels
+            .fold(self.coulomb.value.unwrap_or_default(), f64::max)
+            .max(0.0)
+    }
+
+    /// How far its bristles bend at rest before they yield, if it has any and their level is known so far.
+    pub fn breakaway(&self) -> Option<f64> {
+        let law = (self.level_at_rest() > LEAST_LEVEL).then(|| self.bristles())??;
+        Some(law.level(0.0) / law.stiffness())
+    }
+
+    /// Makes bristles whose stiffness is not known as stiff as yields after this distance.
+    pub fn break_away_after(&mut self, distance: f64) {
+        let (Some(now), Some(bristles)) = (self.breakaway(), self.bristle_term()) else {
+            return;
+        };
+        let stiffness = self.terms[bristles].effect.inner();
+        if let Some(stiffness) = stiffness.map(|k| &mut self.terms[bristles].parameters[k])
+            && !stiffness.known
+        {
+            let kept = stiffness.value.map(|value| value * now / distance);
+            stiffness.value = kept.map(|value| stiffness.clamp(value));
+        }
+    }
+
     /// The law of the model's bristles, if it has any: what its Coulomb level, viscous friction, Stribeck curve and
     /// bristles make together. Other parameters without a value count as zero; bristles without one are stiff: none.
     pub fn bristles(&self) -> Option<Bristles> {

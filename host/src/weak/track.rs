@@ -290,6 +290,8 @@ impl Track {
         let mut speeds: Vec<f64> = self.v.iter().map(|v| v.abs()).collect();
         speeds.sort_by(f64::total_cmp);
         let fold = |f: fn(f64, f64) -> f64| self.q.iter().copied().reduce(f).unwrap_or_default();
+        let slow = SLOW * self.velocity_noise;
+        let moving = &speeds[speeds.partition_point(|speed| *speed <= slow)..];
         let inputs = self.input.u.iter().map(|u| u.abs());
         let power = inputs.clone().map(|u| u * u).sum::<f64>() / self.input.u.len() as f64;
         Survey {
@@ -299,10 +301,11 @@ impl Track {
             input: (power.sqrt(), inputs.fold(0.0, f64::max)),
             half_width,
             top_speed: speeds[(speeds.len() - 1) * 98 / 100],
-            slow: SLOW * self.velocity_noise,
+            usual_speed: moving.get(moving.len() / 2).copied().unwrap_or_default(),
+            slow,
             travel: (fold(f64::min), fold(f64::max)),
             position_noise: self.position_noise,
-            coulomb: 0.0,
+            level: 0.0,
         }
     }
 
