@@ -32,16 +32,24 @@ impl HeldOut {
     pub fn between(bench: &Workbench, with: &[f64], without: &[f64]) -> Self {
         let rows = with.iter().zip(without).zip(&bench.problem.rows);
         let rows = rows.filter(|(_, row)| row.part == Part::HeldOut);
-        rows.fold(
-            Self {
-                expected: 0.0,
-                fall: 0.0,
-            },
-            |sums, ((with, without), _)| Self {
-                expected: sums.expected + (with - without).powi(2),
-                fall: sums.fall + without * without - with * with,
-            },
-        )
+        Self::over(rows.map(|(pair, _)| pair))
+    }
+
+    /// Compares a model with one that lacks something over all rows of windows that neither has been fitted under.
+    pub fn anywhere(bench: &Workbench, with: &Model, without: &Model) -> Self {
+        let (with, without) = (whitened(bench, with), whitened(bench, without));
+        Self::over(with.iter().zip(&without))
+    }
+
+    fn over<'a>(rows: impl Iterator<Item = (&'a f64, &'a f64)>) -> Self {
+        let nothing = Self {
+            expected: 0.0,
+            fall: 0.0,
+        };
+        rows.fold(nothing, |sums, (with, without)| Self {
+            expected: sums.expected + (with - without).powi(2),
+            fall: sums.fall + without * without - with * with,
+        })
     }
 
     /// Whether the difference is large enough for the rows to tell: the fall scatters by twice the root of what is
@@ -164,7 +172,10 @@ fn confirm(
         if counts && dominates && !HeldOut::between(bench, &z, &z_lacking).tells() {
             continue;
         }
-        let (without, _) = bench.estimate(&lacking)?;
+        // What the rest cannot be fitted without stays.
+        let Ok((without, _)) = bench.estimate(&lacking) else {
+            continue;
+        };
         let counts = counts && leftover::differs(bench, &after, &without);
         let held_out = HeldOut::between(bench, &z, &whitened(bench, &without));
         let weak_form_helps = few || held_out.fall > 0.0;

@@ -35,7 +35,7 @@ pub(super) fn findings(
         let stage = if k + 1 == after.terms.len() - first {
             after.clone()
         } else {
-            bench.estimate(&stage)?.0
+            bench.estimate(&stage).map_or(stage, |(stage, _)| stage)
         };
         let z = whitened(bench, &stage);
         let now = error(bench, &stage)?;
@@ -86,19 +86,23 @@ fn rivals(
     recordings: &[Recording],
 ) -> Result<Vec<Rival>> {
     let rival = |other: &Trial| {
-        let instead = bench.fit(&select::with_trial(before, other), recordings)?;
-        Ok(Rival {
+        // What cannot be fitted is no rival.
+        let Ok(instead) = bench.fit(&select::with_trial(before, other), recordings) else {
+            return Ok(None);
+        };
+        Ok(Some(Rival {
             id: other.effect.id(),
             delta_bic: other.delta_bic,
             separated: error(bench, &instead.model)? * (1.0 - select::FLOOR) > error_with_it,
             model: estimates(&instead.model, None),
             fit: instead.fit,
             tell_apart_by: effects::tell_apart(selected.trial.effect, other.effect),
-        })
+        }))
     };
     // It may be that one stood against it before another took a place that both need.
     let others: Vec<&Trial> = selected.rivals(before).collect();
-    others.into_par_iter().map(rival).collect()
+    let fitted: Result<Vec<Option<Rival>>> = others.into_par_iter().map(rival).collect();
+    Ok(fitted?.into_iter().flatten().collect())
 }
 
 /// Parameters of a whole model, or of one of its terms with what follows from them.

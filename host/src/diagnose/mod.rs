@@ -126,7 +126,8 @@ fn diagnosed(
     let given = given::refuted(bench, before, (base_error, remaining))?;
     let curves = selected.iter().map(|s| s.trial.effect.id());
     let pieced = curves.filter(|id| CURVES.contains(id)).count() == CURVES.len();
-    let impostor = impostor(bench, &selected, &after, before)?;
+    let finer = fine.as_ref().map_or(bench, |fast| &fast.bench);
+    let impostor = impostor([bench, finer], &selected, &after, before)?;
     let nameless = pieced || impostor.is_some();
     let misnamed = given.is_some() || nameless || significant && reached < SHARE_OF_GENERIC;
     let (mut selected, mut after) = if misnamed && !selected.is_empty() {
@@ -278,6 +279,10 @@ fn search(
             refuted.push(id);
             continue;
         }
+        if let Some(id) = sharpen::refuted(bench, before, &usual) {
+            refuted.push(id);
+            continue;
+        }
         let (selection, fine) = sharpened(&scope, before, usual, recordings, progress)?;
         if let Some(fast) = &fine {
             settled = fast.settle(bench, &selection.1, recordings)?;
@@ -328,16 +333,16 @@ fn whitened(bench: &Workbench, model: &Model) -> Vec<f64> {
     residual
 }
 
-/// The first selected effect that physics outside the catalogue is taken for, if that fits better in its place: what it depends
-/// on, and what it gains.
+/// The first selected effect that physics outside the catalogue is taken for, if that fits better in its place, under the windows
+/// that the effect was found with, the usual or the finer ones: what it depends on, and what it gains.
 fn impostor(
-    bench: &Workbench,
+    benches: [&Workbench; 2],
     selected: &[Selected],
     after: &Model,
     before: &Model,
 ) -> Result<Option<(&'static str, f64)>> {
     for (k, selected) in selected.iter().enumerate() {
-        let effect = selected.trial.effect;
+        let (bench, effect) = (benches[usize::from(selected.fast)], selected.trial.effect);
         let Some(Impostor {
             effect: other,
             coordinate,
@@ -346,13 +351,16 @@ fn impostor(
             continue;
         };
         let lacking = select::without(after, before.terms.len() + k);
-        let (lacking, _) = bench.estimate(&lacking)?;
+        let Ok((lacking, _)) = bench.estimate(&lacking) else {
+            continue;
+        };
         let Some(base) = trial::Base::new(bench, &lacking)? else {
             continue;
         };
         let (own, other) = (base.attempt(effect)?, base.attempt(other)?);
         let evidence = |trial: &Option<Trial>| trial.as_ref().map_or(0.0, |t| t.delta_bic);
-        if let Some(other) = other.as_ref().filter(|o| o.delta_bic > evidence(&own)) {
+        let needed = evidence(&own) + select::LEAST_DELTA_BIC;
+        if let Some(other) = other.as_ref().filter(|o| o.delta_bic > needed) {
             return Ok(Some((coordinate, other.gain.share)));
         }
     }

@@ -125,7 +125,9 @@ fn beside_each_other(
     let mut selection = Vec::new();
     for (k, trial) in two.iter().enumerate() {
         let lacking = select::without(&with, model.terms.len() + k);
-        let (lacking, _) = scope.bench.estimate(&lacking)?;
+        let Ok((lacking, _)) = scope.bench.estimate(&lacking) else {
+            return Ok(None);
+        };
         let id = trial.effect.id();
         match select::best(scope, &lacking, |effect| effect.id() == id, recordings)? {
             Some(found) if found.trial.effect.id() == id => selection.push(found),

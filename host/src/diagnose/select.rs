@@ -91,14 +91,16 @@ pub(super) fn select(
 ) -> Result<Selection> {
     let bench = scope.bench;
     let from_nothing = selected.is_empty();
-    let mut alone = Vec::new();
+    let (mut alone, mut unfit) = (Vec::new(), Vec::new());
     // A round that makes an earlier effect superfluous does not add to their number, hence the bound on rounds.
     for round in 1..=2 * MOST {
         if selected.len() == MOST {
             break;
         }
         progress(&format!("trying the catalogue, round {round}"));
-        let sought = |effect: &dyn Effect| (scope.sought)(effect) && !taken(effect, &selected);
+        let sought = |effect: &dyn Effect| {
+            (scope.sought)(effect) && !taken(effect, &selected) && !unfit.contains(&effect.id())
+        };
         let open = Scope {
             sought: &sought,
             ..*scope
@@ -113,7 +115,10 @@ pub(super) fn select(
         let Some(found) = choose(&open, &current, tried, |_| true, recordings)? else {
             break;
         };
-        let (next, _) = bench.estimate(&with_trial(&current, &found.trial))?;
+        let Ok((next, _)) = bench.estimate(&with_trial(&current, &found.trial)) else {
+            unfit.push(found.trial.effect.id());
+            continue;
+        };
         selected.push(found);
         current = next;
         current = reexamine(scope, model, &mut selected, current, recordings)?;
@@ -254,7 +259,9 @@ fn rescued(
     trial: &Trial,
     recordings: &[Recording],
 ) -> Result<bool> {
-    let (with, _) = bench.estimate(&with_trial(model, trial))?;
+    let Ok((with, _)) = bench.estimate(&with_trial(model, trial)) else {
+        return Ok(false);
+    };
     if trial.gain.share >= FLOOR && confirm::HeldOut::of(bench, &with, model).shows_again() {
         return Ok(true);
     }
@@ -281,23 +288,24 @@ fn reexamine(
     while k + 1 < selected.len() {
         let term = baseline.terms.len() + k;
         let lacking = without(&current, term);
-        let next = match again(scope, &selected[k], &lacking, recordings)? {
-            Some(same) if same.trial.effect.id() == selected[k].trial.effect.id() => {
-                k += 1;
-                continue;
-            }
+        match again(scope, &selected[k], &lacking, recordings)? {
+            Some(same) if same.trial.effect.id() == selected[k].trial.effect.id() => k += 1,
             Some(rival) => {
                 let next = with_trial_at(term, &lacking, &rival.trial);
-                selected[k] = rival;
+                if let Ok((next, _)) = scope.bench.estimate(&next) {
+                    (selected[k], current) = (rival, next);
+                }
                 k += 1;
-                next
             }
-            None => {
-                selected.remove(k);
-                lacking
-            }
-        };
-        current = scope.bench.estimate(&next)?.0;
+            None => match scope.bench.estimate(&lacking) {
+                Ok((next, _)) => {
+                    selected.remove(k);
+                    current = next;
+                }
+                // The rest cannot be fitted without it.
+                Err(_) => k += 1,
+            },
+        }
     }
     Ok(current)
 }

@@ -5,8 +5,8 @@
 
 use rayon::prelude::*;
 
-use super::confirm::confirmed;
-use super::select::{FLOOR, LEAST_DELTA_BIC, Scope, Selection};
+use super::confirm::{HeldOut, confirmed};
+use super::select::{self, FLOOR, LEAST_DELTA_BIC, Scope, Selection};
 use super::trial::{Base, Trial};
 use crate::effects::{Effect, Quantity, Survey};
 use crate::error::{Error, Result};
@@ -100,6 +100,26 @@ pub(super) fn sharpened(
         }
     }
     Ok((found, None))
+}
+
+/// The first effect of a selection that acts too fast for windows of the usual width but in slow motion, and that windows half as
+/// wide do not show where it is fast.
+pub(super) fn refuted(
+    bench: &Workbench,
+    before: &Model,
+    (selected, after): &Selection,
+) -> Option<&'static str> {
+    let usual = bench.problem.half_width();
+    let (survey, slowest) = (bench.problem.survey(after), DULLED / usual);
+    let mut fast = selected.iter().enumerate().filter(|(_, selected)| {
+        let effect = selected.trial.effect;
+        effect.fast() && !effect.divides() && pace(&selected.trial, &survey) >= slowest
+    });
+    let (k, selected) = fast.next()?;
+    let narrow = bench.narrowed(after, usual / NARROWER[0], slowest).ok()?;
+    let lacking = select::without(after, before.terms.len() + k);
+    let shown = HeldOut::anywhere(&narrow, after, &lacking);
+    (shown.tells() && !shown.shows_again()).then(|| selected.trial.effect.id())
 }
 
 /// A selection with the windows that it was found under.
@@ -212,14 +232,13 @@ fn fast_ones((selected, _): &Selection) -> impl Iterator<Item = &'static dyn Eff
     fast.map(|s| s.trial.effect)
 }
 
-/// The fastest that an effect acts in a recording, Hz.
+/// How fast an effect acts in a recording, Hz: at the usual speed, as in slow motion windows of the usual width show it.
 fn pace(trial: &Trial, survey: &Survey) -> f64 {
-    let scanned = trial.effect.inner();
-    let periodic =
-        scanned.is_some_and(|k| trial.effect.parameters()[k].quantity == Quantity::Periodicity);
-    if periodic {
-        survey.hertz(trial.inner[0])
-    } else {
-        trial.inner[0]
+    let quantity = |k: usize| trial.effect.parameters()[k].quantity;
+    match trial.effect.inner().map(quantity) {
+        Some(Quantity::Periodicity) => survey.usual_hertz(trial.inner[0]),
+        Some(_) => trial.inner[0],
+        // An error of the sensor, once per turn.
+        None => survey.usual_hertz(1.0),
     }
 }

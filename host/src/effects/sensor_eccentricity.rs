@@ -27,6 +27,10 @@ use crate::format::quantity;
 
 pub(super) struct SensorEccentricity;
 
+/// Largest amplitude, rad. Up to there the error that is modelled, which is of the first order, holds within a sixth of itself, as
+/// the second is half of its square; beyond, the term is another function of position.
+const LARGEST: f64 = 1.0 / 3.0;
+
 impl Effect for SensorEccentricity {
     fn id(&self) -> &'static str {
         "sensor-eccentricity"
@@ -77,6 +81,9 @@ impl Effect for SensorEccentricity {
     fn seat(&self) -> Seat {
         Seat::Sensor
     }
+    fn fast(&self) -> bool {
+        true
+    }
     fn width(&self) -> usize {
         2
     }
@@ -89,5 +96,8 @@ impl Effect for SensorEccentricity {
     }
     fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
         (FREE, cartesian(p[0], p[1]))
+    }
+    fn admissible(&self, c: &[f64]) -> bool {
+        c[0].hypot(c[1]) <= LARGEST
     }
 }
