@@ -15,6 +15,10 @@ const RESTING: f64 = 2.0 / 3.0;
 /// variance of the other tenfold: `1/(1 − ρ²) > 10` (Marquardt, Technometrics 12, 1970).
 const COLLINEAR: f64 = 0.95;
 
+/// Share of the drive that acceleration takes from which on it is not for want of acceleration if the inertia is uncertain, but for
+/// something that the model leaves out.
+const LITTLE: f64 = 1.0 / 3.0;
+
 pub(super) fn check(bench: &Workbench, fitted: &Model, recordings: &[Recording]) -> Vec<Warning> {
     let sliding: Vec<(f64, f64)> = bench
         .problem
@@ -99,11 +103,11 @@ fn acceleration(bench: &Workbench, fitted: &Model, recordings: &[Recording]) -> 
     let accelerating = value * rms(bench.problem.acceleration.iter().copied());
     let drive = rms(recordings.iter().flat_map(|r| r.u.iter().copied()));
     let share = accelerating / (gain * drive).max(f64::MIN_POSITIVE);
-    Some(Warning::weak(
+    (share < LITTLE).then(|| Warning::weak(
         "no-acceleration",
         format!(
             "Acceleration takes about {} of the drive, too little to tell the inertia: add faster changes of speed, or give the inertia in the model file.",
-            whole_percent(share.min(1.0))
+            whole_percent(share)
         ),
     ))
 }
