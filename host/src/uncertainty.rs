@@ -6,7 +6,7 @@ use crate::normal::Normal;
 /// A parameter this many standard errors from zero is known to a tenth or better.
 pub const KNOWN: f64 = 10.0;
 /// A parameter within this many standard errors of zero cannot be told from it (95 %).
-const TOLD: f64 = 2.0;
+pub const TOLD: f64 = 2.0;
 /// Estimates correlated by more than this inflate each other's variance tenfold: `1/(1 − ρ²) > 10`, the usual limit
 /// (Marquardt, Technometrics 12, 1970).
 const COLLINEAR: f64 = 0.95;

@@ -5,12 +5,10 @@ use crate::effects::Survey;
 use crate::error::Result;
 use crate::model::{Model, Parameter, Status, Term};
 use crate::system;
+use crate::uncertainty::TOLD;
 
 /// Breakaway distances to go on from: the optimum lies between two neighbours on the grid, and a third may pass for the best.
 const STARTS: usize = 3;
-
-/// Standard errors from which on the level that bristles yield at is told from none, and so from one that they never reach.
-const TOLD: f64 = 2.0;
 
 /// Models to refine.
 pub(super) struct Starts {
