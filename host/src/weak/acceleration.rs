@@ -16,35 +16,66 @@ impl Track {
     ///
     /// A wider one takes more of the noise away, of which the positions have [`Track::position_noise`], and more of the
     /// motion, in proportion to the square of its width. The latter is told by what the next narrower one leaves of it (as in
-    /// O. V. Lepski, Theory of Probability and its Applications 35, 1991). Over the ends, where no window fits, the nearest
-    /// value is held. `summed` says that positions are running sums of noisy velocities.
+    /// O. V. Lepski, Theory of Probability and its Applications 35, 1991). Where it does not fit, towards the ends, a narrower
+    /// one or the value of a node further in takes its place, whichever errs less. `summed` says that positions are running
+    /// sums of noisy velocities.
     pub fn acceleration(&self, q: &[f64], summed: bool) -> Vec<f64> {
         let noise = self.position_noise.powi(2);
         let widest = (WIDEST / self.period).min(0.25 * q.len() as f64).max(2.0) as usize;
-        let mut best = (f64::INFINITY, vec![0.0; q.len()]);
-        let mut narrower: Option<Tried> = None;
+        let mut all: Vec<Tried> = Vec::new();
         let mut reach = 2;
         while reach <= widest {
-            let tried = Tried::new(q, reach, self.period);
-            let lost = narrower.map_or(0.0, |narrower| {
-                let seen = tried.differs(&narrower, noise, summed);
+            let mut tried = Tried::new(q, reach, self.period);
+            let lost = all.last().map_or(0.0, |narrower| {
+                let seen = tried.differs(narrower, noise, summed);
                 let ratio = narrower.reach as f64 / reach as f64;
                 seen.max(0.0) / (1.0 - ratio * ratio).powi(2)
             });
-            let risk = lost + noise * energy(&tried.weights, summed);
-            if risk < best.0 {
-                best = (risk, held(&tried.means, q.len()));
-            }
-            narrower = Some(tried);
+            tried.risk = lost + noise * energy(&tried.weights, summed);
+            all.push(tried);
             reach = (WIDER * reach as f64).ceil() as usize;
         }
-        best.1
+        let by_risk = |a: &usize, b: &usize| all[*a].risk.total_cmp(&all[*b].risk);
+        let best = (0..all.len()).min_by(by_risk).unwrap_or(0);
+        to_the_ends(&all[..=best], q.len())
     }
+}
+
+/// The means of the last of some test functions, and towards both ends, where it does not fit, what errs least there.
+fn to_the_ends(tried: &[Tried], whole: usize) -> Vec<f64> {
+    let best = &tried[tried.len() - 1];
+    // What it errs by if a mean stands for one so many nodes away.
+    let changes = |apart: usize| {
+        let pairs = best.means.iter().zip(best.means.iter().skip(apart));
+        let squares: f64 = pairs.map(|(a, b)| (a - b).powi(2)).sum();
+        squares / best.means.len().saturating_sub(apart).max(1) as f64
+    };
+    let changes: Vec<f64> = (0..=best.reach).map(changes).collect();
+    // By the distance from an end: the risk there, whose value it is and what gives it.
+    let mut ends = vec![(best.risk, best.reach, best); best.reach + 1];
+    for distance in (0..best.reach).rev() {
+        let fitting = tried.iter().filter(|t| t.reach <= distance);
+        let fitting = fitting.map(|t| (t.risk, distance, t));
+        let further = (distance + 1..=best.reach).map(|inside| {
+            let (risk, of, by) = ends[inside];
+            (risk + changes[inside - distance], of, by)
+        });
+        let least = fitting.chain(further).min_by(|a, b| a.0.total_cmp(&b.0));
+        ends[distance] = least.unwrap_or(ends[distance]);
+    }
+    let value = |k: usize| {
+        let (_, of, by) = ends[k.min(whole - 1 - k).min(best.reach)];
+        let middle = of.max(k).min(whole - 1 - of);
+        by.means[middle - by.reach]
+    };
+    (0..whole).map(value).collect()
 }
 
 /// A test function of some width laid over every node that it fits around.
 struct Tried {
     reach: usize,
+    /// Mean square of what it errs by.
+    risk: f64,
     weights: Vec<f64>,
     means: Vec<f64>,
 }
@@ -60,6 +91,7 @@ impl Tried {
         Self {
             means: means.collect(),
             reach,
+            risk: f64::INFINITY,
             weights,
         }
     }
@@ -98,49 +130,76 @@ fn energy(weights: &[f64], summed: bool) -> f64 {
     effective.map(|w| w * w).sum()
 }
 
-/// Values in the middle of a whole, the first and last of them held over its ends.
-fn held(middle: &[f64], whole: usize) -> Vec<f64> {
-    let before = (whole - middle.len()) / 2;
-    (0..whole)
-        .map(|k| middle[k.saturating_sub(before).min(middle.len() - 1)])
-        .collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::motion::Motion;
     use crate::recording::Recording;
 
-    /// Of two sines under noise of an encoder the mean that is chosen errs by no more than a third beyond the best of all widths.
+    const PERIOD: f64 = 1e-3;
+    const SAMPLES: usize = 8000;
+
+    fn truth(k: usize) -> f64 {
+        let t = PERIOD * k as f64;
+        -9.0 * (3.0 * t).sin() - 80.0 * (40.0 * t).sin()
+    }
+
+    /// Two sines through an encoder.
+    fn counted(quantum: f64) -> (Track, Vec<f64>) {
+        let t: Vec<f64> = (0..SAMPLES).map(|k| PERIOD * k as f64).collect();
+        let wave = |t: &f64| (3.0 * t).sin() + 0.05 * (40.0 * t).sin();
+        let q: Vec<f64> = (t.iter().map(|t| (wave(t) / quantum).round() * quantum)).collect();
+        let recording = Recording {
+            path: "none".into(),
+            u: t.iter().map(|t| t.sin()).collect(),
+            t,
+            q: Some(q.clone()),
+            v: None,
+            sampled: true,
+            input_unit: None,
+            stamps: None,
+        };
+        (Track::new(&recording, Motion::Rotary, None), q)
+    }
+
+    fn error(a: &[f64], over: std::ops::Range<usize>) -> f64 {
+        let count = over.len() as f64;
+        let squares = over.map(|k| (a[k] - truth(k)).powi(2));
+        (squares.sum::<f64>() / count).sqrt()
+    }
+
+    /// Means of one width, the first and the last of them held over the ends.
+    fn held(q: &[f64], reach: usize) -> Vec<f64> {
+        let means = Tried::new(q, reach, PERIOD).means;
+        let nearest = |k: usize| means[k.saturating_sub(reach).min(means.len() - 1)];
+        (0..q.len()).map(nearest).collect()
+    }
+
+    /// The mean that is chosen errs by no more than a third beyond the best of all widths.
     #[test]
     fn the_width_that_errs_least_is_chosen() {
+        let inside = 200..SAMPLES - 200;
         for quantum in [1e-5, 1e-4, 1e-3] {
-            let wave = |t: f64| (3.0 * t).sin() + 0.05 * (40.0 * t).sin();
-            let truth = |t: f64| -9.0 * (3.0 * t).sin() - 80.0 * (40.0 * t).sin();
-            let t: Vec<f64> = (0..8000).map(|k| 1e-3 * f64::from(k)).collect();
-            let count = |&t: &f64| (wave(t) / quantum).round() * quantum;
-            let q: Vec<f64> = t.iter().map(count).collect();
-            let recording = Recording {
-                path: "none".into(),
-                u: t.iter().map(|t| t.sin()).collect(),
-                t: t.clone(),
-                q: Some(q.clone()),
-                v: None,
-                sampled: true,
-                input_unit: None,
-                stamps: None,
-            };
-            let track = Track::new(&recording, Motion::Rotary, None);
-            let error = |a: &[f64]| -> f64 {
-                let inside = 200..t.len() - 200;
-                let squares = inside.clone().map(|k| (a[k] - truth(t[k])).powi(2));
-                (squares.sum::<f64>() / inside.len() as f64).sqrt()
-            };
-            let chosen = error(&track.acceleration(&q, false));
-            let fixed = |reach| error(&held(&Tried::new(&q, reach, 1e-3).means, q.len()));
+            let (track, q) = counted(quantum);
+            let chosen = error(&track.acceleration(&q, false), inside.clone());
+            let fixed = |reach| error(&held(&q, reach), inside.clone());
             let best = (2..=70).map(fixed).fold(f64::INFINITY, f64::min);
             assert!(chosen < 1.33 * best, "{quantum}: {chosen} {best}");
+        }
+    }
+
+    /// Within the first and last 20 ms it errs by less than half of what holding the nearest mean of the best width does, where
+    /// the encoder is fine enough for narrower ones, and by no more where it is not.
+    #[test]
+    fn narrower_windows_lead_to_the_ends() {
+        for (quantum, share) in [(1e-6, 0.5), (1e-5, 0.5), (1e-3, 1.05)] {
+            let (track, q) = counted(quantum);
+            let ends = |a: &[f64]| error(a, 0..20).hypot(error(a, SAMPLES - 20..SAMPLES));
+            let inside = |reach: &usize| error(&held(&q, *reach), 200..SAMPLES - 200);
+            let best = (2..=70).min_by(|a, b| inside(a).total_cmp(&inside(b)));
+            let chosen = ends(&track.acceleration(&q, false));
+            let holding = ends(&held(&q, best.expect("a width")));
+            assert!(chosen < share * holding, "{quantum}: {chosen} {holding}");
         }
     }
 }
