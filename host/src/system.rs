@@ -645,6 +645,15 @@ pub fn absent(model: &Model, term: usize) -> bool {
 
 /// The first estimated term whose coefficients physics does not allow.
 pub fn inadmissible(model: &Model) -> Option<usize> {
+    inadmissible_among(model, |_| true)
+}
+
+/// The same among those that are not part of the friction law.
+pub fn inadmissible_beside_law(model: &Model) -> Option<usize> {
+    inadmissible_among(model, |term| !term.in_law)
+}
+
+fn inadmissible_among(model: &Model, counts: impl Fn(&Term) -> bool) -> Option<usize> {
     let (scale, inertia) = (model.scale(), model.parameters()[model.moving_inertia()]);
     let level_holds = level_holds(model);
     let allowed = |t: &Term| {
@@ -654,5 +663,5 @@ pub fn inadmissible(model: &Model) -> Option<usize> {
     model
         .terms
         .iter()
-        .position(|t| t.parameters.iter().any(|p| !p.known) && !allowed(t))
+        .position(|t| counts(t) && t.parameters.iter().any(|p| !p.known) && !allowed(t))
 }

@@ -110,8 +110,13 @@ fn page(effect: &dyn Effect) -> String {
         effect.id()
     );
     parameters(effect, &mut text);
-    if let Some(form) = effect.load_side() {
-        let _ = writeln!(text, "or, with the encoder on the load:");
+    if let Some(form) = effect.other_form() {
+        let when = if form.on_load_side() {
+            "or, with the encoder on the load:"
+        } else {
+            "or:"
+        };
+        let _ = writeln!(text, "{when}");
         parameters(form, &mut text);
     }
     text

@@ -62,8 +62,13 @@ fn describe(effect: &dyn Effect, page: &mut String) {
         };
     }
     parameters(effect, "", page);
-    if let Some(form) = effect.load_side() {
-        parameters(form, ", with the encoder on the load", page);
+    if let Some(form) = effect.other_form() {
+        let when = if form.on_load_side() {
+            ", with the encoder on the load"
+        } else {
+            ", or"
+        };
+        parameters(form, when, page);
     }
 }
 

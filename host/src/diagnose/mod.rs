@@ -102,11 +102,36 @@ fn away_from_unresolved(
 /// Effects that show at reversals only, or hardly anywhere else.
 const AT_REVERSALS: [&str; 4] = ["stribeck", "presliding", "backlash", "compliance"];
 
-/// One diagnosis over all windows of a workbench.
+/// What is found leaves less than this share of what was taken for noise where noise was told beside less.
+const QUIETER: f64 = 0.5;
+
+/// One diagnosis over all windows of a workbench. Noise is what generic functions leave beside the baseline: where what is found
+/// leaves much less of it, they did not follow that, and with noise told beside it what else is left out has more evidence.
 fn diagnosed(
     bench: &Workbench,
     baseline: &Identified,
     recordings: &[Recording],
+    progress: &dyn Fn(&str),
+) -> Result<Outcome> {
+    let found = found(bench, &baseline.model, recordings, progress)?;
+    let after = &found.selection.1;
+    let base = trial::Base::new(bench, after)?;
+    let quieter = base.is_some_and(|base| base.score().chi2 < QUIETER * base.rows());
+    if quieter && !found.selection.0.is_empty() {
+        progress("telling noise anew, beside what was found");
+        let quieter = bench.with_noise_beside(after)?;
+        let found = self::found(&quieter, &baseline.model, recordings, progress)?;
+        return concluded(&quieter, baseline, recordings, found, progress);
+    }
+    concluded(bench, baseline, recordings, found, progress)
+}
+
+/// The diagnosis that a search leads to.
+fn concluded(
+    bench: &Workbench,
+    baseline: &Identified,
+    recordings: &[Recording],
+    found: Found,
     progress: &dyn Fn(&str),
 ) -> Result<Outcome> {
     let before = &baseline.model;
@@ -114,7 +139,7 @@ fn diagnosed(
         selection: (selected, after),
         fine,
         mut settled,
-    } = found(bench, before, recordings, progress)?;
+    } = found;
     progress("looking for what is left");
     let base_error = error(bench, before)?;
     let mut leftover = leftover::of(bench, &after)?;
@@ -160,6 +185,7 @@ fn diagnosed(
         Verdict::Explained
     };
     let mut warnings = check::warnings(bench, before, recordings);
+    warnings.retain(|w| w.id != SHIFTED || shifted(verdict, &findings));
     warnings.extend(creep.map(|term| check::creeps(&term, after.motion)));
     let suspect = warnings.iter().any(contradicts);
     if verdict == Verdict::Unknown || suspect {
@@ -215,7 +241,16 @@ fn diagnosed(
 const CURVES: [&str; 3] = ["stribeck", "quadratic-drag", "power-law-viscous"];
 
 /// Warnings of what effects of the catalogue do as well: delay, lag and inertia mismatch.
-const PHYSICS_TOO: [&str; 3] = ["channels-shifted", "given-inertia", "long-delay"];
+const PHYSICS_TOO: [&str; 3] = [SHIFTED, "given-inertia", "long-delay"];
+
+/// The warning that the drive and the motion look shifted in time, and the effects that shift them.
+const SHIFTED: &str = "channels-shifted";
+const LATE: [&str; 2] = ["delay", "actuator-lag"];
+
+/// Whether drive and motion may be shifted: what explains all of the mismatch without a shift explains what looked like one.
+fn shifted(verdict: Verdict, findings: &[Finding]) -> bool {
+    verdict != Verdict::Explained || findings.iter().any(|f| LATE.contains(&f.id))
+}
 
 /// Whether a warning says that the data are wrong.
 fn contradicts(warning: &Warning) -> bool {

@@ -9,11 +9,11 @@ use super::{confirm, pairs};
 use crate::effects::{self, Effect};
 use crate::error::Result;
 use crate::fit::{self, Parts};
-use crate::identify::Workbench;
+use crate::identify::{self, Workbench};
 use crate::model::Model;
 use crate::recording::Recording;
-use crate::scan;
 use crate::weak::Part;
+use crate::{scan, system};
 
 /// Share by which the cross-validated squared error must fall: 10 % of the RMS error. Reversals and coloured noise
 /// leave artefacts that are statistically significant but stay below this on clean recordings; the rate of false
@@ -112,11 +112,16 @@ pub(super) fn select(
         if round == 1 {
             alone = tried.clone();
         }
-        let Some(found) = choose(&open, &current, tried, |_| true, recordings)? else {
-            break;
+        let found = match choose(&open, &current, tried, |_| true, recordings)? {
+            Some(found) => found,
+            None => match beside_a_bent_law(&open, &current)? {
+                Some(found) => found,
+                None => break,
+            },
         };
-        let Ok((next, _)) = bench.estimate(&with_trial(&current, &found.trial)) else {
-            unfit.push(found.trial.effect.id());
+        let id = found.trial.effect.id();
+        let Ok((found, next)) = in_best_form(bench, &current, found) else {
+            unfit.push(id);
             continue;
         };
         selected.push(found);
@@ -133,9 +138,67 @@ pub(super) fn select(
     Ok((selected, current))
 }
 
+/// Trials that are fitted in full.
+const LIKELIEST: usize = 3;
+
+/// The effect of a scope with the best evidence if the friction law is sought anew with it, of those that may have sufficient
+/// evidence so. A law that was fitted to what is left out has bent to it; beside an effect that explains it, it then is no law any
+/// more, and the effect no candidate.
+fn beside_a_bent_law(scope: &Scope, model: &Model) -> Result<Option<Selected>> {
+    let base = (law_is_open(model) && !scope.fast).then(|| Base::new(scope.bench, model));
+    let Some(base) = base.transpose()?.flatten().map(Base::leniently) else {
+        return Ok(None);
+    };
+    let mut likely = trials(&base, model, scope.sought)?;
+    likely.retain(|trial| (scope.passes)(trial) && !trial.effect.nuisance());
+    likely.truncate(LIKELIEST);
+    let mut passing = fitted(&base, model, likely)?
+        .into_iter()
+        .filter(scope.passes);
+    Ok(passing.next().map(|trial| Selected {
+        trial,
+        fast: false,
+        others: passing.collect(),
+    }))
+}
+
+/// A found effect in a model, in its other form if there is more to it in that and the evidence is better. What bends bristles is
+/// what they hold: more to them tells only once the whole model is fitted with it.
+fn in_best_form(bench: &Workbench, model: &Model, found: Selected) -> Result<(Selected, Model)> {
+    let own = found.trial.effect;
+    let (next, chi2) = bench.estimate(&with_trial(model, &found.trial))?;
+    let more = |form: &dyn Effect| form.parameters().len() > own.parameters().len();
+    let richer = own
+        .other_form()
+        .filter(|form| more(*form) && !form.divides());
+    let Some(other) = richer else {
+        return Ok((found, next));
+    };
+    let Ok((richer, least)) = bench.estimate(&model.with_effect(other)) else {
+        return Ok((found, next));
+    };
+    let parameters = other.parameters().len() - own.parameters().len();
+    let price = parameters as f64 * bench.training_rows().ln();
+    let gained = chi2 - least - price;
+    let term = richer.terms.last().filter(|_| gained > 0.0);
+    let Some(term) = term else {
+        return Ok((found, next));
+    };
+    let (inner, _) = other.linear(&system::values(term), richer.scale());
+    let trial = Trial {
+        effect: other,
+        inner,
+        delta_bic: found.trial.delta_bic + gained,
+        price: found.trial.price + price,
+        ..found.trial
+    };
+    Ok((Selected { trial, ..found }, richer))
+}
+
 /// The model with the effect of a trial, started from the trial's inner parameter.
 pub(super) fn with_trial(model: &Model, trial: &Trial) -> Model {
-    let mut next = model.with_effect(trial.effect);
+    let reopened = trial.reopens.then(|| identify::reopened(model)).flatten();
+    let mut next = reopened.as_ref().unwrap_or(model).with_effect(trial.effect);
     if let Some(term) = next.terms.last_mut() {
         scan::set_inner(term, trial.inner);
         if let Some(k) = trial.effect.inner() {
@@ -182,7 +245,7 @@ fn trials(
     sought: &(dyn Fn(&dyn Effect) -> bool + Sync),
 ) -> Result<Vec<Trial>> {
     let nuisance: &'static dyn Effect = &effects::CREEP;
-    let forms = |effect: &'static dyn Effect| [Some(effect), effect.load_side()];
+    let forms = |effect: &'static dyn Effect| [Some(effect), effect.other_form()];
     let all = (effects::ALL.iter().copied().chain([nuisance]))
         .flat_map(forms)
         .flatten();
@@ -236,12 +299,59 @@ fn choose(
         let rest = rest.into_iter().zip(counts?);
         passing.extend(rest.filter_map(|(trial, counts)| counts.then_some(trial)));
     }
+    if !scope.fast && law_is_open(model) {
+        passing = contested(bench, model, passing)?;
+    }
     let mut passing = passing.into_iter();
     Ok(passing.next().map(|trial| Selected {
         trial,
         fast: scope.fast,
         others: passing.collect(),
     }))
+}
+
+/// Whether a friction law, with what was found to belong to it, has inner parameters that are to be estimated: trials hold them
+/// where they are.
+fn law_is_open(model: &Model) -> bool {
+    let mut contact = model.terms.iter().filter(|term| term.is_of_contact());
+    let has_any = model.terms.iter().any(|term| term.in_law);
+    has_any
+        && contact.any(|term| {
+            let inner = term.effect.inner().map(|k| &term.parameters[k]);
+            inner.is_some_and(|parameter| !parameter.known)
+        })
+}
+
+/// The trials with the likeliest in the order of their evidence with the whole model fitted to each, if they are more than one.
+fn contested(bench: &Workbench, model: &Model, mut trials: Vec<Trial>) -> Result<Vec<Trial>> {
+    let least = trials.first().map_or(0.0, |best| 0.5 * best.delta_bic);
+    let likely = trials
+        .iter()
+        .take(LIKELIEST)
+        .take_while(|t| t.delta_bic >= least);
+    let count = likely.count();
+    let base = (count > 1).then(|| Base::new(bench, model));
+    let Some(base) = base.transpose()?.flatten() else {
+        return Ok(trials);
+    };
+    let rest = trials.split_off(count);
+    let mut fitted = fitted(&base, model, trials)?;
+    fitted.extend(rest);
+    Ok(fitted)
+}
+
+/// Trials with the evidence of the whole model fitted to each, the best first; without those that cannot be fitted.
+fn fitted(base: &Base, model: &Model, trials: Vec<Trial>) -> Result<Vec<Trial>> {
+    let fitted: Result<Vec<Option<Trial>>> = trials
+        .into_par_iter()
+        .map(|trial| {
+            let fitted = base.bench.estimate(&with_trial(model, &trial)).ok();
+            fitted.map_or(Ok(None), |(fitted, _)| base.fitted(&trial, &fitted))
+        })
+        .collect();
+    let mut fitted: Vec<Trial> = fitted?.into_iter().flatten().collect();
+    fitted.sort_by(|a, b| b.delta_bic.total_cmp(&a.delta_bic));
+    Ok(fitted)
 }
 
 /// Whether the evidence for an effect is significant, though it may not suffice.
@@ -319,9 +429,8 @@ fn again(
     recordings: &[Recording],
 ) -> Result<Option<Selected>> {
     let stood = selected.others.iter().chain([&selected.trial]);
-    let form = |effect: &dyn Effect| (effect.id(), effect.on_load_side());
-    let forms: Vec<_> = stood.map(|trial| form(trial.effect)).collect();
-    let sought = |effect: &dyn Effect| forms.contains(&form(effect));
+    let forms: Vec<&dyn Effect> = stood.map(|trial| trial.effect).collect();
+    let sought = |effect: &dyn Effect| forms.iter().any(|form| effects::same_form(*form, effect));
     let scope = if selected.fast {
         Scope {
             sought: &sought,

@@ -21,7 +21,7 @@ const PLACED: f64 = 2.0;
 /// behind a spring or a gap is not: it stands in for the other part, and the spring or the gap itself shows the load. Nor are
 /// the coefficient of a power, whose very unit follows the exponent, instants, which may lie anywhere, and phases. Bristles
 /// are none where they are stiff, and soft ones trade off against the level that they yield at, for which errors on a linear
-/// scale say nothing.
+/// scale say nothing; what they damp is not what makes them bristles.
 pub(super) fn doubt(term: &Term) -> Option<f64> {
     let effect = term.effect;
     let errors = |k: usize| {
@@ -41,7 +41,7 @@ pub(super) fn doubt(term: &Term) -> Option<f64> {
         })
         .map(|(k, _)| errors(k))
         .reduce(f64::max)
-        .filter(|_| !effect.hangs());
+        .filter(|_| !effect.hangs() && !term.bends());
     let scanned = effect
         .inner()
         .filter(|_| effect.search() != Search::Interval && !term.bends());
@@ -58,13 +58,17 @@ pub(super) fn doubt(term: &Term) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::doubt;
-    use crate::effects;
+    use crate::effects::{self, Effect};
     use crate::model::Parameter;
     use crate::scan;
 
     /// Whether an effect with parameters of these values in standard errors is in doubt.
     fn doubtful(id: &str, errors: &[f64]) -> bool {
-        let mut term = scan::open(effects::find(id).expect("an effect"));
+        doubtful_as(effects::find(id).expect("an effect"), errors)
+    }
+
+    fn doubtful_as(effect: &'static dyn Effect, errors: &[f64]) -> bool {
+        let mut term = scan::open(effect);
         for (parameter, value) in term.parameters.iter_mut().zip(errors) {
             *parameter = Parameter {
                 value: Some(*value),
@@ -85,6 +89,7 @@ mod tests {
         assert!(doubtful("thermal-drift", &[2.9, 2.9, 9.0]));
         assert!(doubtful("delay", &[2.9]) && !doubtful("delay", &[3.1]));
         assert!(!doubtful("presliding", &[0.1]));
+        assert!(!doubtful_as(&effects::law::DAMPED_BRISTLES, &[0.1, 0.1]));
         // The stiffness of any spring, and what hardens.
         assert!(
             doubtful("hardening-spring", &[99.0, 2.9])

@@ -26,6 +26,8 @@ pub(super) struct Trial {
     pub gain: Gain,
     /// Whether its gain is no chance of a few blocks.
     pub certain: bool,
+    /// Whether the friction law has to be sought anew with it.
+    pub reopens: bool,
 }
 
 impl Trial {
@@ -37,10 +39,12 @@ impl Trial {
 
 /// A model with numbers, its whitened system and its score: what candidates are compared with.
 pub(super) struct Base<'a> {
-    bench: &'a Workbench,
+    pub bench: &'a Workbench,
     pub ground: Ground<'a>,
     /// See [`least_t`].
     pub least_t: f64,
+    /// Whether the friction law may come out as physics does not allow: see [`Ground::leniently`].
+    lenient: bool,
 }
 
 /// How much the cross-validated squared error falls.
@@ -104,6 +108,38 @@ impl<'a> Base<'a> {
             least_t: least_t(bench, ground.score.by_block.len()),
             bench,
             ground,
+            lenient: false,
+        }))
+    }
+
+    /// The same where the friction law may come out as physics does not allow: such trials say what may be in its place at best.
+    #[must_use]
+    pub fn leniently(self) -> Self {
+        Self {
+            ground: self.ground.leniently(),
+            lenient: true,
+            ..self
+        }
+    }
+
+    /// The trial of an effect with the evidence of a model that has it, fitted in full.
+    pub fn fitted(&self, trial: &Trial, model: &Model) -> Result<Option<Trial>> {
+        let Some(with) = Base::new(self.bench, model)? else {
+            return Ok(None);
+        };
+        let (before, after) = (self.score(), with.score());
+        let gain = Gain::of(before, after);
+        let term = model
+            .terms
+            .iter()
+            .find(|t| effects::same_form(t.effect, trial.effect));
+        let inner = term.map(|t| t.effect.linear(&system::values(t), model.scale()).0);
+        Ok(Some(Trial {
+            inner: inner.unwrap_or(trial.inner),
+            delta_bic: before.chi2 - after.chi2 - trial.price,
+            gain,
+            certain: gain.t >= self.least_t,
+            ..trial.clone()
         }))
     }
 
@@ -114,7 +150,7 @@ impl<'a> Base<'a> {
 
     /// Number of training rows.
     pub fn rows(&self) -> f64 {
-        self.bench.blocks.iter().flatten().count() as f64
+        self.bench.training_rows()
     }
 
     /// Tries an effect with all values of its inner parameters; `None` if none of its parameters is physical.
@@ -142,6 +178,7 @@ impl<'a> Base<'a> {
             price,
             gain,
             certain: gain.t >= self.least_t || effect.nuisance() && gain.clear(self.least_t),
+            reopens: self.lenient,
         }))
     }
 

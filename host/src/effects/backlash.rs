@@ -75,7 +75,7 @@ impl Effect for Backlash {
             quantity(p[1], Quantity::Position.unit(motion))
         )
     }
-    fn load_side(&self) -> Option<&'static dyn Effect> {
+    fn other_form(&self) -> Option<&'static dyn Effect> {
         Some(&BacklashLoadSide)
     }
     fn unsuited(&self, axis: Given) -> Option<&'static str> {

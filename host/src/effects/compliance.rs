@@ -75,7 +75,7 @@ impl Effect for Compliance {
             quantity(p[1], "Hz")
         )
     }
-    fn load_side(&self) -> Option<&'static dyn Effect> {
+    fn other_form(&self) -> Option<&'static dyn Effect> {
         Some(&ComplianceLoadSide)
     }
     fn unsuited(&self, axis: Given) -> Option<&'static str> {

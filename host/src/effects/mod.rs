@@ -129,8 +129,9 @@ pub trait Effect: Sync {
     /// One sentence that a person can act on, from the estimated parameters.
     fn sentence(&self, parameters: &[f64], motion: Motion) -> String;
 
-    /// The same physics as an encoder on the load shows it, where that takes other parameters: it has the same id.
-    fn load_side(&self) -> Option<&'static dyn Effect> {
+    /// The same physics in another form, which takes other parameters: as an encoder on the load shows it, or with more to it.
+    /// It has the same id.
+    fn other_form(&self) -> Option<&'static dyn Effect> {
         None
     }
     /// What is taken for it and is no effect of the catalogue, if there is such physics.
@@ -318,6 +319,12 @@ pub mod law {
 /// Finds an effect by id.
 pub fn find(id: &str) -> Option<&'static dyn Effect> {
     ALL.iter().copied().find(|e| e.id() == id)
+}
+
+/// Whether two are the same effect in the same form.
+pub fn same_form(one: &dyn Effect, other: &dyn Effect) -> bool {
+    let names = |effect: &dyn Effect| effect.parameters().iter().map(|spec| spec.name);
+    one.id() == other.id() && names(one).eq(names(other))
 }
 
 /// The text under a heading of an effect's documentation, on one line.

@@ -3,6 +3,9 @@
 //! yield at the level `g` of the friction law: `ż = v − σ0·|v|·z/g(v)`, `τ = σ0·z` in place of `g(v)·sgn v`. Friction then
 //! builds up over the breakaway distance `g/σ0` instead of jumping where velocity changes sign.
 //!
+//! Bristles may damp besides: with `bristle_damping`, `σ1`, it is `τ = σ0·z + σ1·ż`. `diagnose` takes that form where it has
+//! the better evidence; a model file that names `bristle_damping` means it.
+//!
 //! # What it looks like in a recording
 //! After each reversal the axis moves a little too easily, as far as the bristles need to bend the other way; at rest it
 //! springs back when the drive is taken away. The residual has the sign opposite to velocity and lives within a few
@@ -50,12 +53,12 @@ const DAMPING: Spec = Spec::within("bristle_damping", Quantity::Viscous, (0.0, f
 /// Breakaway distances from below what the encoder tells apart to a share of the travel.
 fn stiffnesses(survey: &Survey) -> Vec<f64> {
     let travel = survey.travel.1 - survey.travel.0;
-    let longest = 0.03 * travel;
+    let longest = 0.3 * travel;
     let shortest = (0.5 * survey.position_noise)
         .max(0.1 * survey.top_speed * survey.period)
         .min(0.1 * longest);
     let level = survey.level.max(f64::MIN_POSITIVE);
-    let mut stiffnesses: Vec<f64> = geometric(shortest, longest, 14)
+    let mut stiffnesses: Vec<f64> = geometric(shortest, longest, 20)
         .iter()
         .map(|distance| level / distance)
         .collect();
@@ -99,6 +102,9 @@ impl Effect for Presliding {
             "Friction builds up elastically at {} after each reversal instead of jumping: compensate with a bristle state (Dahl or LuGre) instead of the sign of velocity.",
             quantity(p[0], Quantity::Stiffness.unit(motion))
         )
+    }
+    fn other_form(&self) -> Option<&'static dyn Effect> {
+        Some(&DAMPED_BRISTLES)
     }
     fn width(&self) -> usize {
         0

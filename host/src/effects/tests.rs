@@ -62,23 +62,26 @@ fn every_doc_has_the_fixed_headings() {
 
 /// Every effect, in each of its forms.
 fn forms() -> impl Iterator<Item = &'static dyn Effect> {
-    let both = |effect: &&'static dyn Effect| [Some(*effect), effect.load_side()];
+    let both = |effect: &&'static dyn Effect| [Some(*effect), effect.other_form()];
     ALL.iter().flat_map(both).flatten()
 }
 
-/// A model file tells the forms of an effect apart by the first parameter, and they mean the same by their id.
+/// A model file tells the other form of an effect by a parameter that only that has, and they mean the same by their id.
 #[test]
-fn forms_of_an_effect_share_its_id_and_differ_in_their_first_parameter() {
+fn the_other_form_of_an_effect_has_its_id_and_a_parameter_of_its_own() {
     let forms: Vec<_> = ALL
         .iter()
-        .filter_map(|e| Some((e, e.load_side()?)))
+        .filter_map(|e| Some((e, e.other_form()?)))
         .collect();
-    assert_eq!(forms.len(), 2);
+    assert_eq!(forms.len(), 3);
     for (effect, form) in forms {
         assert_eq!(effect.id(), form.id());
-        let first = form.parameters()[0].name;
-        assert!(effect.parameters().iter().all(|spec| spec.name != first));
-        assert!(effect.doc().contains(&format!("`{first}`")), "{first}");
+        let known = |name: &str| effect.parameters().iter().any(|spec| spec.name == name);
+        let mut names = form.parameters().iter().map(|spec| spec.name);
+        let own = names
+            .find(|name| !known(name))
+            .expect("a parameter of its own");
+        assert!(effect.doc().contains(&format!("`{own}`")), "{own}");
     }
 }
 

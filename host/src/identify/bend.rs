@@ -1,6 +1,6 @@
 //! The hierarchy's last step: bristles.
 
-use super::Workbench;
+use super::{BEYOND, Workbench};
 use crate::effects::Survey;
 use crate::error::Result;
 use crate::model::{Model, Parameter, Status, Term};
@@ -31,7 +31,36 @@ pub(super) fn yields(model: &Model) -> bool {
     })
 }
 
+/// A model with bristles and the fall of friction sought anew, if its law has any of its own. `None` if it has none, or they would
+/// be, or are known.
+pub(crate) fn reopened(model: &Model) -> Option<Model> {
+    let mut reopened = model.clone();
+    let mut any = false;
+    if !model.terms.iter().any(|t| t.in_law) {
+        return None;
+    }
+    for term in reopened.terms.iter_mut().filter(|t| t.is_of_contact()) {
+        let inner = term.effect.inner().map(|k| &mut term.parameters[k]);
+        if let Some(inner) = inner.filter(|p| !p.known && !sought(p)) {
+            (inner.value, inner.se, any) = (None, None, true);
+        }
+    }
+    any.then_some(reopened)
+}
+
 impl Workbench {
+    /// Whether the bristles of a model are clearly stiffer than any that are sought.
+    pub(super) fn ran_away(&self, model: &Model) -> bool {
+        let bristles = model.bristle_term().map(|k| &model.terms[k]);
+        bristles.is_some_and(|bristles| {
+            let grid = bristles.effect.grid(&self.problem.survey(model));
+            let stiffest = grid.last().copied().unwrap_or(f64::INFINITY);
+            bristles
+                .bristle_stiffness()
+                .is_some_and(|s| s > BEYOND * stiffest)
+        })
+    }
+
     /// The last step of the hierarchy: the breakaway distances of bristles that fit best, each with the Stribeck velocity
     /// that goes best with it where that is unknown, the best first. The model itself where there is nothing to find.
     ///

@@ -51,6 +51,8 @@ pub struct Ground<'a> {
     pub survey: Survey,
     /// The same without the fall of its friction law: see [`Ground::with`].
     level: OnceLock<Option<Box<Ground<'a>>>>,
+    /// Whether the friction law may come out as physics does not allow.
+    lenient: bool,
 }
 
 /// The inertias that a recording leaves room for, whatever acts on the axis besides.
@@ -103,7 +105,18 @@ impl<'a> Ground<'a> {
             survey: setting.problem.survey(&model),
             model,
             level: OnceLock::new(),
+            lenient: false,
         }))
+    }
+
+    /// The same where the friction law may come out as physics does not allow: one that was fitted to what is left out has bent to
+    /// it, and once that is in, its inner parameters are wrong.
+    #[must_use]
+    pub fn leniently(self) -> Self {
+        Self {
+            lenient: true,
+            ..self
+        }
     }
 
     /// The best that a term can do, its unknown inner parameters free within their bounds; `None` if no value of its
@@ -114,6 +127,9 @@ impl<'a> Ground<'a> {
             Search::Interval => self.in_time(term),
             Search::Line => self.on_line(term),
         };
+        if self.lenient {
+            return search();
+        }
         self.setting.memo.recall(&self.model, term, search)
     }
 
@@ -233,11 +249,16 @@ impl<'a> Ground<'a> {
         Projection::new(&self.system.response, &self.system.columns, &seen)
     }
 
-    /// The model with a term; inner parameters that the term leaves open get the given values, within its bounds.
+    /// The model with a term; inner parameters that the term leaves open get the given values, within its bounds. Bristles bend
+    /// as they do under the level that they have: a static level that is open is that one.
     fn model_with(&self, term: &Term, inner: Inner) -> Model {
         let mut model = Model::clone(&self.model);
         let mut term = term.clone();
         set_inner(&mut term, inner);
+        if term.falls() && model.bristle_term().is_some() {
+            let level = &mut term.parameters[0];
+            level.value = level.value.or(model.coulomb.value);
+        }
         model.terms.push(term);
         model
     }
@@ -291,6 +312,9 @@ impl<'a> Ground<'a> {
         }
         let Some(score) = score else { return Ok(None) };
         if system.decode(&score.beta, &mut model) {
+            return Ok(self.plausible(&model).then_some(score));
+        }
+        if self.lenient && system::inadmissible_beside_law(&model).is_none() {
             return Ok(self.plausible(&model).then_some(score));
         }
         match system::inadmissible(&model).map(|k| self.without_fall(k)) {
