@@ -314,8 +314,7 @@ fn choose(
 /// where they are.
 fn law_is_open(model: &Model) -> bool {
     let mut contact = model.terms.iter().filter(|term| term.is_of_contact());
-    let has_any = model.terms.iter().any(|term| term.in_law);
-    has_any
+    model.has_curved_law()
         && contact.any(|term| {
             let inner = term.effect.inner().map(|k| &term.parameters[k]);
             inner.is_some_and(|parameter| !parameter.known)

@@ -31,14 +31,14 @@ pub(super) fn yields(model: &Model) -> bool {
     })
 }
 
-/// A model with bristles and the fall of friction sought anew, if its law has any of its own. `None` if it has none, or they would
-/// be, or are known.
+/// A model with bristles and the fall of friction sought anew, if its law has any. `None` if it has none, or they would be, or are
+/// known.
 pub(crate) fn reopened(model: &Model) -> Option<Model> {
-    let mut reopened = model.clone();
-    let mut any = false;
-    if !model.terms.iter().any(|t| t.in_law) {
+    if !model.has_curved_law() {
         return None;
     }
+    let mut reopened = model.clone();
+    let mut any = false;
     for term in reopened.terms.iter_mut().filter(|t| t.is_of_contact()) {
         let inner = term.effect.inner().map(|k| &mut term.parameters[k]);
         if let Some(inner) = inner.filter(|p| !p.known && !sought(p)) {

@@ -81,6 +81,12 @@ impl Model {
         self.terms.iter().position(Term::bends)
     }
 
+    /// Whether its friction law has inner parameters, a Stribeck velocity or bristles: the law that the file names, which a fit may
+    /// have left without them.
+    pub fn has_curved_law(&self) -> bool {
+        self.law != Law::CoulombViscous
+    }
+
     /// Bits of all that the deflection of the bristles depends on: levels, fall and stiffness.
     pub fn bristle_key(&self) -> [u64; 5] {
         let fall = self.terms.iter().find(|t| t.falls());
