@@ -41,6 +41,16 @@ pub(super) struct Selected {
 }
 
 impl Selected {
+    /// The first of those that passed, with the others that it stood against.
+    fn first(passing: impl IntoIterator<Item = Trial>, fast: bool) -> Option<Self> {
+        let mut passing = passing.into_iter();
+        Some(Self {
+            trial: passing.next()?,
+            fast,
+            others: passing.collect(),
+        })
+    }
+
     /// Effects that would have explained at least half as much, as far as a model has room for them.
     pub fn rivals<'a>(&'a self, model: &'a Model) -> impl Iterator<Item = &'a Trial> {
         let close = |other: &&Trial| other.delta_bic >= 0.5 * self.trial.delta_bic;
@@ -152,14 +162,8 @@ fn beside_a_bent_law(scope: &Scope, model: &Model) -> Result<Option<Selected>> {
     let mut likely = trials(&base, model, scope.sought)?;
     likely.retain(|trial| (scope.passes)(trial) && !trial.effect.nuisance());
     likely.truncate(LIKELIEST);
-    let mut passing = fitted(&base, model, likely)?
-        .into_iter()
-        .filter(scope.passes);
-    Ok(passing.next().map(|trial| Selected {
-        trial,
-        fast: false,
-        others: passing.collect(),
-    }))
+    let fitted = fitted(&base, model, likely)?.into_iter();
+    Ok(Selected::first(fitted.filter(scope.passes), false))
 }
 
 /// A found effect in a model, in its other form if there is more to it in that and the evidence is better. What bends bristles is
@@ -302,12 +306,7 @@ fn choose(
     if !scope.fast && law_is_open(model) {
         passing = contested(bench, model, passing)?;
     }
-    let mut passing = passing.into_iter();
-    Ok(passing.next().map(|trial| Selected {
-        trial,
-        fast: scope.fast,
-        others: passing.collect(),
-    }))
+    Ok(Selected::first(passing, scope.fast))
 }
 
 /// Whether a friction law, with what was found to belong to it, has inner parameters that are to be estimated: trials hold them

@@ -17,11 +17,10 @@ const PLACED: f64 = 2.0;
 /// How far a term is told from none, as a share of what suffices, if it does not.
 ///
 /// Counted are its scanned parameter, and the largest of those that say how much of it there is, or the one that makes it what it
-/// is. The part of the inertia
-/// behind a spring or a gap is not: it stands in for the other part, and the spring or the gap itself shows the load. Nor are
-/// the coefficient of a power, whose very unit follows the exponent, instants, which may lie anywhere, and phases. Bristles
-/// are none where they are stiff, and soft ones trade off against the level that they yield at, for which errors on a linear
-/// scale say nothing; what they damp is not what makes them bristles.
+/// is. The part of the inertia behind a spring or a gap is not: it stands in for the other part, and the spring or the gap itself
+/// shows the load. Nor are the coefficient of a power, whose very unit follows the exponent, instants, which may lie anywhere, and
+/// phases. Bristles are none where they are stiff, and soft ones trade off against the level that they yield at, for which errors
+/// on a linear scale say nothing; what they damp is not what makes them bristles.
 pub(super) fn doubt(term: &Term) -> Option<f64> {
     let effect = term.effect;
     let errors = |k: usize| {

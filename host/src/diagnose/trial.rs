@@ -43,8 +43,6 @@ pub(super) struct Base<'a> {
     pub ground: Ground<'a>,
     /// See [`least_t`].
     pub least_t: f64,
-    /// Whether the friction law may come out as physics does not allow: see [`Ground::leniently`].
-    lenient: bool,
 }
 
 /// How much the cross-validated squared error falls.
@@ -108,7 +106,6 @@ impl<'a> Base<'a> {
             least_t: least_t(bench, ground.score.by_block.len()),
             bench,
             ground,
-            lenient: false,
         }))
     }
 
@@ -117,7 +114,6 @@ impl<'a> Base<'a> {
     pub fn leniently(self) -> Self {
         Self {
             ground: self.ground.leniently(),
-            lenient: true,
             ..self
         }
     }
@@ -178,7 +174,7 @@ impl<'a> Base<'a> {
             price,
             gain,
             certain: gain.t >= self.least_t || effect.nuisance() && gain.clear(self.least_t),
-            reopens: self.lenient,
+            reopens: self.ground.lenient(),
         }))
     }
 

@@ -119,6 +119,11 @@ impl<'a> Ground<'a> {
         }
     }
 
+    /// Whether it is [`Ground::leniently`] so.
+    pub fn lenient(&self) -> bool {
+        self.lenient
+    }
+
     /// The best that a term can do, its unknown inner parameters free within their bounds; `None` if no value of its
     /// parameters is physical.
     pub fn best(&self, term: &Term) -> Result<Option<Found>> {
