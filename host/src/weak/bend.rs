@@ -13,6 +13,25 @@ pub struct Bent {
     pub rate: f64,
 }
 
+/// A law without what does not bend its bristles, whose numbers they are not to depend on, not even in the last bit: columns are
+/// kept by what bends them.
+struct Elastic<'a>(&'a dyn Dynamic<f64>);
+
+impl Dynamic<f64> for Elastic<'_> {
+    fn level(&self, velocity: f64) -> f64 {
+        self.0.level(velocity)
+    }
+    fn stiffness(&self) -> f64 {
+        self.0.stiffness()
+    }
+    fn damping(&self) -> f64 {
+        0.0
+    }
+    fn viscosity(&self) -> f64 {
+        0.0
+    }
+}
+
 /// Displacement of this many standard deviations of the position noise bends bristles; less of it is noise.
 const CERTAIN: f64 = 4.0;
 
@@ -31,6 +50,7 @@ impl Track {
 
     /// The same in the first cells at least.
     pub fn bend_of(&self, cells: usize, law: &dyn Dynamic<f64>) -> Vec<Bent> {
+        let law = Elastic(law);
         let breakaway = law.level(0.0) / law.stiffness();
         let shows = breakaway >= CERTAIN * self.position_noise;
         let mut bent = Vec::with_capacity(cells);
@@ -62,10 +82,9 @@ impl Track {
             let v = self.cells[from].v;
             let step = law.step(z, v, self.period);
             let rate = (step.deflection - z) / self.period;
-            let force = step.force - law.damping() * rate - law.viscosity() * v;
             z = step.deflection;
             bent.push(Bent {
-                direction: force / law.level(v),
+                direction: step.force / law.level(v),
                 rate,
             });
         }
@@ -82,5 +101,38 @@ impl Track {
         } else {
             0.0
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bristle_core::friction::LuGre;
+
+    use crate::model::Motion;
+    use crate::recording::Recording;
+    use crate::weak::Track;
+
+    /// They did in the last bits, and kept columns were those of whichever model had asked first.
+    #[test]
+    fn damping_and_viscosity_do_not_change_how_bristles_bend() {
+        let t: Vec<f64> = (0..2000).map(|k| 1e-3 * f64::from(k)).collect();
+        let recording = Recording {
+            q: Some(t.iter().map(|t| (7.0 * t).sin()).collect()),
+            u: vec![0.0; t.len()],
+            t,
+            ..Recording::default()
+        };
+        let track = Track::new(&recording, Motion::Rotary, None);
+        let bent = |bristle_damping: f64, viscous: f64| {
+            track.bend(&LuGre {
+                coulomb: 0.3,
+                static_level: 0.5,
+                stribeck_velocity: 0.7,
+                viscous,
+                bristle_stiffness: 11.0,
+                bristle_damping,
+            })
+        };
+        assert_eq!(bent(0.83, 0.037), bent(0.0, 0.0));
     }
 }
