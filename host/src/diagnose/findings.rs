@@ -74,7 +74,8 @@ fn confidence(selected: &Selected, error_after: f64) -> f64 {
 }
 
 /// Confidence in a name without any rival: of 317 such findings in 500 sealed recordings of the `concealed` example, pairs and
-/// physics outside the catalogue among them, 308 were right, which is 0.972; of 352 in two sets from other simulators 344, which is 0.977.
+/// physics outside the catalogue among them, 308 were right, which is 0.972; of 352 in two sets from other simulators 344, which
+/// is 0.977.
 const CEILING: f64 = 0.97;
 
 /// Effects that would have explained at least half as much, each fitted in the place of the finding. Where that leaves an
