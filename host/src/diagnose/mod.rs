@@ -55,7 +55,8 @@ const BESIDE_UNKNOWN: f64 = 0.3;
 /// Diagnoses a baseline that has been fitted on a workbench. `progress` is told what is being done.
 ///
 /// Where the encoder is too coarse for a reversal, the direction of friction is a guess there, and a wrong one is what any effect may
-/// stand in for. So what is left out must show elsewhere as well, unless its strongest part is one that shows at reversals only.
+/// stand in for. So what is left out must show elsewhere as well, unless its strongest part is one that shows at reversals only;
+/// bristles that break away before the position tells that they bend do not show there either.
 pub fn diagnose(
     bench: &Workbench,
     baseline: &Identified,
@@ -64,8 +65,11 @@ pub fn diagnose(
 ) -> Result<Outcome> {
     let outcome = diagnosed(bench, baseline, recordings, progress)?;
     let found = &outcome.diagnosis;
-    let strongest = found.findings.first();
-    if found.verdict == Verdict::Adequate || strongest.is_some_and(|f| AT_REVERSALS.contains(&f.id))
+    let bends = |breakaway| bench.problem.tracks.iter().any(|t| t.shows(breakaway));
+    let told = |id| id != "presliding" || outcome.after.breakaway().is_some_and(bends);
+    let strongest = found.findings.first().map(|f| f.id);
+    if found.verdict == Verdict::Adequate
+        || strongest.is_some_and(|id| AT_REVERSALS.contains(&id) && told(id))
     {
         return Ok(outcome);
     }

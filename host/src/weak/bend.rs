@@ -52,7 +52,7 @@ impl Track {
     pub fn bend_of(&self, cells: usize, law: &dyn Dynamic<f64>) -> Vec<Bent> {
         let law = Elastic(law);
         let breakaway = law.level(0.0) / law.stiffness();
-        let shows = breakaway >= CERTAIN * self.position_noise;
+        let shows = self.shows(breakaway);
         let mut bent = Vec::with_capacity(cells);
         let mut z = law.advance(0.0, self.v[0], self.run_up());
         while bent.len() < cells {
@@ -89,6 +89,11 @@ impl Track {
             });
         }
         bent
+    }
+
+    /// Whether a displacement at rest is told from the noise of the position.
+    pub fn shows(&self, displacement: f64) -> bool {
+        displacement >= CERTAIN * self.position_noise
     }
 
     /// Seconds at the speed of the first node that go as far as the axis went to come up to it, at the largest acceleration of
