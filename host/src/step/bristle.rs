@@ -12,7 +12,7 @@ use std::f64::consts::PI;
 
 use bristle_core::friction::Dynamic;
 
-use super::{Drive, Mechanism, Memory, moved};
+use super::{Drive, Mechanism, Memory, moved, root};
 
 /// The part of a step over which the fastest mode may turn, rad.
 const TURN: f64 = 0.05;
@@ -23,9 +23,7 @@ const MOST_SUBSTEPS: f64 = 20_000.0;
 const ITERATIONS: usize = 12;
 /// Turn of the bristles in a substep up to which each iteration still takes a factor of ten off.
 const CONTRACTS: f64 = 0.2;
-/// Steps that take any bracket down to rounding: every third halves it.
-const STEPS: usize = 300;
-/// Relative width of a bracket that is down to rounding.
+/// Relative error of a friction that is down to rounding.
 const PRECISION: f64 = 1e-13;
 
 pub(super) fn advance<const N: usize>(
@@ -129,29 +127,13 @@ impl<P> Contact<'_, P> {
         let under = |friction: f64| self.settle(&x, |_| friction);
         let excess = |friction: f64| self.friction(z, &under(friction)) - friction;
         let guess = self.friction(z, &x);
-        let mut ends = [guess, guess + excess(guess)];
-        let mut values = [ends[1] - ends[0], excess(ends[1])];
-        for k in 0..STEPS {
-            let [a, b] = ends;
-            // Secants, with a halving now and then: it bounds the steps where the bristles yield all at once.
-            let share = values[0] / (values[0] - values[1]);
-            let next = if k % 3 == 2 {
-                0.5 * (a + b)
-            } else {
-                a + share * (b - a)
-            };
-            if (b - a).abs() <= PRECISION * (a.abs() + b.abs()) || !next.is_finite() {
-                break;
-            }
-            let value = excess(next);
-            if (value > 0.0) == (values[1] > 0.0) {
-                // The other end stays: its value counts half, or it would stay for ever (Illinois).
-                values[0] *= 0.5;
-            } else {
-                (ends[0], values[0]) = (ends[1], values[1]);
-            }
-            (ends[1], values[1]) = (next, value);
-        }
-        under(ends[1])
+        let ends = [guess, guess + excess(guess)];
+        let values = [ends[1] - ends[0], excess(ends[1])];
+        // More friction brings about less, so the excess changes by no less than the friction: it says how far off that is.
+        let narrow = |[a, b]: [f64; 2], values: [f64; 2]| {
+            let width = (b - a).abs().min(values[1].abs());
+            width <= PRECISION * (a.abs() + b.abs())
+        };
+        under(root::bracket(ends, values, narrow, excess)[1])
     }
 }

@@ -6,6 +6,7 @@
 
 mod bristle;
 mod loaded;
+mod root;
 mod slide;
 
 pub use loaded::Loaded;

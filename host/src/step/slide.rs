@@ -3,16 +3,16 @@
 //! While it slides in one direction the equations are smooth: classical Runge-Kutta steps. Where the sliding velocity
 //! reaches zero the step is cut at that instant, and the forces decide: the contact sticks, with a velocity of exactly
 //! zero, as long as the balance of forces lies within what friction can hold; where it leaves that, the step is cut
-//! again. Instants are found by bisection down to rounding.
+//! again. Instants are found down to rounding.
 
-use super::{Drive, Mechanism, State, moved};
+use super::{Drive, Mechanism, State, moved, root};
 
 /// The part of a step over which velocity may change by its own size through viscous forces.
 const STIFFNESS: f64 = 0.3;
 /// Substeps beyond this many would mean a model faster than anything its recording could show.
 const MOST_SUBSTEPS: usize = 200;
-/// Bisections that take the longest step down to rounding.
-const BISECTIONS: usize = 40;
+/// Share of a step that is down to rounding.
+const INSTANT: f64 = 1e-12;
 
 pub(super) fn advance<const N: usize>(
     plant: &impl Mechanism<N>,
@@ -48,23 +48,29 @@ pub(super) fn advance<const N: usize>(
 
 /// Direction in which the contact slides, or `None` if friction holds it.
 fn direction<const N: usize>(plant: &impl Mechanism<N>, drive: Drive, x: &[f64; N]) -> Option<f64> {
-    let at = plant.sliding(x);
-    if at.v != 0.0 {
-        return Some(at.v.signum());
+    let v = plant.sliding(x).v;
+    if v != 0.0 {
+        return Some(v.signum());
     }
-    let balance = plant.balance(drive, x);
-    let (contact, moment) = (plant.contact(), plant.moment(drive, x));
-    let (forward, backward) = (
-        contact.resistance(moment, at, 1.0),
-        contact.resistance(moment, at, -1.0),
-    );
-    if balance > forward.max(backward) {
+    let [forward, backward] = reserves(plant, drive, x);
+    if forward < 0.0 {
         Some(1.0)
-    } else if balance < forward.min(backward) {
+    } else if backward < 0.0 {
         Some(-1.0)
     } else {
         None
     }
+}
+
+/// How much more force in the positive and in the negative direction friction would hold at rest; negative where it yields.
+fn reserves<const N: usize>(plant: &impl Mechanism<N>, drive: Drive, x: &[f64; N]) -> [f64; 2] {
+    let (balance, at) = (plant.balance(drive, x), plant.sliding(x));
+    let (contact, moment) = (plant.contact(), plant.moment(drive, x));
+    let [forward, backward] = [1.0, -1.0].map(|s| contact.resistance(moment, at, s));
+    [
+        forward.max(backward) - balance,
+        balance - forward.min(backward),
+    ]
 }
 
 /// Slides in direction `s`, against a friction that may be known to begin with, for a step or until velocity reaches zero;
@@ -84,22 +90,23 @@ fn slide<const N: usize>(
     let rate = |x: &[f64; N], friction: f64| plant.rate(drive, x, friction);
     let first = rate(x, known.unwrap_or_else(|| friction(x)));
     let go = |h: f64| runge_kutta(|x| rate(x, friction(x)), x, &first, h);
-    let slides = |x: &[f64; N]| plant.sliding(x).v * s >= 0.0;
-    let (mut next, mut spent) = (go(step), step);
-    if !slides(&next) {
+    let speed = |x: &[f64; N]| plant.sliding(x).v * s;
+    let next = go(step);
+    let (before, after) = (speed(x), speed(&next));
+    if after >= 0.0 {
+        *x = next;
+        return step;
+    }
+    if before <= 0.0 {
         // An axis that leaves standstill and is back within the step, against a resistance that soars with the first bit of
         // speed, creeps: less than the step could show, and cutting at every return would never end.
-        let creeps = N == 2 && plant.sliding(x).v == 0.0;
-        let (low, high) = if creeps {
-            (0.0, step)
-        } else {
-            bisect(step, |h| slides(&go(h)))
-        };
-        (next, spent) = (go(low), high);
-        plant.rest(&mut next);
+        *x = at_rest(plant, drive, x, step);
+        return step;
     }
-    *x = next;
-    spent
+    let [low, high] = instant(step, [before, after], |h| speed(&go(h)));
+    *x = go(low);
+    plant.rest(x);
+    high
 }
 
 /// Stays at rest for a step or until friction can no longer hold; returns the time spent.
@@ -109,35 +116,41 @@ fn stick<const N: usize>(
     x: &mut [f64; N],
     step: f64,
 ) -> f64 {
-    let slope = |x: &[f64; N]| plant.rate(drive, x, plant.balance(drive, x));
-    let first = slope(x);
-    let go = |h: f64| {
-        let mut next = runge_kutta(slope, x, &first, h);
-        plant.rest(&mut next);
-        next
+    let go = |h: f64| at_rest(plant, drive, x, h);
+    let reserve = |x: &[f64; N]| {
+        let [forward, backward] = reserves(plant, drive, x);
+        forward.min(backward)
     };
-    let holds = |x: &[f64; N]| direction(plant, drive, x).is_none();
-    let (mut next, mut spent) = (go(step), step);
-    if !holds(&next) {
-        (_, spent) = bisect(step, |h| holds(&go(h)));
-        next = go(spent);
+    let next = go(step);
+    let (before, after) = (reserve(x), reserve(&next));
+    if after >= 0.0 {
+        *x = next;
+        return step;
     }
-    *x = next;
-    spent
+    let [_, high] = instant(step, [before, after], |h| reserve(&go(h)));
+    *x = go(high);
+    high
 }
 
-/// The two ends of the instant, within a step, up to which `lasts` is true.
-fn bisect(step: f64, lasts: impl Fn(f64) -> bool) -> (f64, f64) {
-    let (mut low, mut high) = (0.0, step);
-    for _ in 0..BISECTIONS {
-        let middle = 0.5 * (low + high);
-        if lasts(middle) {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
-    (low, high)
+/// The state after the contact has been at rest for a while.
+fn at_rest<const N: usize>(
+    plant: &impl Mechanism<N>,
+    drive: Drive,
+    x: &[f64; N],
+    h: f64,
+) -> [f64; N] {
+    let slope = |x: &[f64; N]| plant.rate(drive, x, plant.balance(drive, x));
+    let mut next = runge_kutta(slope, x, &slope(x), h);
+    plant.rest(&mut next);
+    next
+}
+
+/// The two ends of the instant, within a step, up to which `f` is not negative.
+fn instant(step: f64, values: [f64; 2], f: impl Fn(f64) -> f64) -> [f64; 2] {
+    let narrow = |[a, b]: [f64; 2], _| (b - a).abs() <= INSTANT * step;
+    let mut ends = root::bracket([0.0, step], values, narrow, f);
+    ends.sort_by(f64::total_cmp);
+    ends
 }
 
 /// A step from `x`, where the slope is `a`.
