@@ -1,8 +1,8 @@
 //! Validation on freshly seeded plants: false alarms on clean axes and the confusion matrix of the effects.
 //!
-//! `cargo run --release --example validate -- --seed 1 --clean 200 --each 12` prints the rates; with `--velocity 1` the
-//! recordings hold differenced velocity in place of position, and `--dump FOLDER` keeps each plant's recording and baseline
-//! to look at. The plants of `tests/plants` share no code with the diagnosis: other formulation, other integrator, finer step.
+//! `cargo run --release --example validate -- --seed 1 --clean 200 --each 12` prints the rates; `--pairs 50` adds axes with
+//! two effects; with `--velocity 1` the recordings hold differenced velocity in place of position, and `--dump FOLDER` keeps
+//! each plant's recording and baseline to look at. The plants of `tests/plants` share no code with the diagnosis: other formulation, other integrator, finer step.
 
 mod plants;
 
@@ -13,12 +13,15 @@ use bristle::diagnose::{Verdict, diagnose};
 use bristle::identify::{Options, identify};
 use bristle::model::Model;
 use bristle::recording::Recording;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use plants::{NAMED, Noise, OTHERS, Recipe, baseline_toml, simulate, write_csv};
+use plants::{NAMED, Noise, OTHERS, Recipe, baseline_toml, keep, pair, simulate};
 
 /// One plant and what became of it.
 struct Trial {
+    seed: u64,
     truth: Vec<&'static str>,
     size: f64,
     noise: Noise,
@@ -53,6 +56,7 @@ fn main() {
         number("clean", 200),
         number("each", 12),
         number("others", 6),
+        number("pairs", 0),
         options.get("only"),
         options.get("at").and_then(|v| v.parse().ok()),
     );
@@ -73,6 +77,7 @@ fn main() {
     coverage_table(&trials);
     confusion_matrix(&trials);
     size_table(&trials);
+    pairs_table(&trials);
 }
 
 fn recipes(
@@ -80,6 +85,7 @@ fn recipes(
     clean: u64,
     each: u64,
     others: u64,
+    pairs: u64,
     only: Option<&String>,
     at: Option<u64>,
 ) -> Vec<Recipe> {
@@ -100,6 +106,13 @@ fn recipes(
                 noise,
             ));
         }
+    }
+    for k in 0..pairs {
+        let seed = base + 500_000 + k;
+        let effects = pair(&mut ChaCha8Rng::seed_from_u64(seed));
+        let size = [0.10, 0.30][k as usize % 2];
+        let noise = noises[(k / 2) as usize % 3];
+        recipes.push(Recipe::with_effects(seed, &effects, size, noise));
     }
     if let Some(at) = at {
         recipes.retain(|r| r.seed == at);
@@ -123,9 +136,7 @@ fn attempt(recipe: &Recipe, velocity_only: bool, dump: Option<&Path>) -> Option<
     }
     let baseline = baseline_toml(recipe, &made.truth);
     if let Some(folder) = dump {
-        let file = |ending: &str| folder.join(format!("{}.{ending}", recipe.seed));
-        write_csv(&made, file("csv")).expect("writes into the folder of --dump");
-        std::fs::write(file("toml"), &baseline).expect("writes into the folder of --dump");
+        keep(folder, &made, &baseline);
     }
     let model = Model::parse(&baseline).expect("the baseline is a valid model");
     let (q, v) = if velocity_only {
@@ -206,6 +217,7 @@ fn attempt(recipe: &Recipe, velocity_only: bool, dump: Option<&Path>) -> Option<
         made.truth.met,
     );
     Some(Trial {
+        seed: recipe.seed,
         truth: recipe.effects.clone(),
         size: recipe.size,
         noise: recipe.noise,
@@ -326,5 +338,31 @@ fn size_table(trials: &[Trial]) {
                 count(&|t| t.verdict == "unknown"),
             );
         }
+    }
+}
+
+/// Axes with two effects: how often both are named and nothing else, and what was said otherwise.
+fn pairs_table(trials: &[Trial]) {
+    let pairs: Vec<&Trial> = trials.iter().filter(|t| t.truth.len() == 2).collect();
+    if pairs.is_empty() {
+        return;
+    }
+    let exact = |t: &Trial| t.names.len() == 2 && t.truth.iter().all(|e| t.names.contains(e));
+    let (right, wrong): (Vec<&Trial>, Vec<&Trial>) = pairs.iter().partition(|t| exact(t));
+    println!(
+        "\nTwo effects, exactly these named: {} of {}; otherwise:",
+        right.len(),
+        pairs.len()
+    );
+    for t in wrong {
+        println!(
+            "  seed {}, {} at {:.2}, noise {:?}: {} {:?}",
+            t.seed,
+            t.truth.join(" + "),
+            t.size,
+            t.noise,
+            t.verdict,
+            t.names
+        );
     }
 }

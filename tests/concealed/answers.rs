@@ -1,5 +1,7 @@
 //! What the diagnosis says of each recording, which is all that it sees.
 
+use std::path::Path;
+
 use bristle::diagnose::{Verdict, diagnose};
 use bristle::effects;
 use bristle::identify::{Options, identify};
@@ -9,7 +11,7 @@ use indicatif::{ParallelProgressIterator, ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 
 use crate::labels::{Kind, Label};
-use crate::plants::{baseline_toml, simulate};
+use crate::plants::{baseline_toml, keep, simulate};
 
 /// A case with the answer to it.
 pub struct Answer {
@@ -33,25 +35,29 @@ pub struct Said {
     pub held_out: [f64; 2],
 }
 
-/// Answers to all cases whose plant can be made to move as asked; the others are left out.
-pub fn all(labels: &[Label]) -> Vec<Answer> {
+/// Answers to all cases whose plant can be made to move as asked; the others are left out. Recordings and baselines are kept in
+/// the folder `dump`.
+pub fn all(labels: &[Label], dump: Option<&Path>) -> Vec<Answer> {
     let style = ProgressStyle::with_template("{bar:40} {pos}/{len} recordings, {eta} left");
     let bar = ProgressBar::new(labels.len() as u64);
     let bar = style.map_or(bar.clone(), |style| bar.with_style(style));
     labels
         .par_iter()
         .progress_with(bar)
-        .filter_map(answer)
+        .filter_map(|label| answer(label, dump))
         .collect()
 }
 
-fn answer(label: &Label) -> Option<Answer> {
+fn answer(label: &Label, dump: Option<&Path>) -> Option<Answer> {
     let recipe = label.recipe();
     let made = simulate(&recipe).filter(|m| m.truth.met && m.truth.top_speed >= 1e-3)?;
     let mut baseline = baseline_toml(&recipe, &made.truth);
     if label.inertia_given {
         let given = format!("inertia = {}", made.truth.inertia);
         baseline = baseline.replace("inertia = \"?\"", &given);
+    }
+    if let Some(folder) = dump {
+        keep(folder, &made, &baseline);
     }
     let recording = [Recording {
         path: "concealed.csv".into(),

@@ -10,7 +10,7 @@ use rand::{Rng, SeedableRng, TryRngCore};
 use rand_chacha::ChaCha8Rng;
 use sha2::{Digest, Sha256};
 
-use crate::plants::{NAMED, Noise, OTHERS, Recipe};
+use crate::plants::{NAMED, Noise, OTHERS, Recipe, pair};
 
 /// One case, as a line of the file.
 #[derive(Clone, Debug)]
@@ -110,7 +110,7 @@ pub fn seal(count: usize) -> Result<(), String> {
 fn draw(rng: &mut ChaCha8Rng, k: usize) -> Label {
     let effects = match k % 10 {
         0 | 1 => Vec::new(),
-        2 => pair(rng),
+        2 => pair(rng).to_vec(),
         3 => vec![OTHERS[k / 10 % OTHERS.len()]],
         _ => vec![NAMED[(k / 10 * 6 + k % 10 - 4) % NAMED.len()]],
     };
@@ -130,17 +130,6 @@ fn draw(rng: &mut ChaCha8Rng, k: usize) -> Label {
         },
         noise: *NOISES.choose(rng).unwrap_or(&Noise::Low),
         effects,
-    }
-}
-
-/// Two effects that an axis can have at once.
-fn pair(rng: &mut ChaCha8Rng) -> Vec<&'static str> {
-    const LOADS: [&str; 2] = ["backlash", "compliance"];
-    loop {
-        let two: Vec<&'static str> = NAMED.choose_multiple(rng, 2).copied().collect();
-        if !two.iter().all(|id| LOADS.contains(id)) {
-            return two;
-        }
     }
 }
 

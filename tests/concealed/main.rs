@@ -2,7 +2,7 @@
 //!
 //! `cargo run --release --example concealed [-- --skip N --first N]` makes the recordings that `labels.csv` describes, lets the
 //! diagnosis see nothing of each but the recording and a baseline, and only then opens the labels and prints what it got
-//! right. The file's SHA-256 must be the one in `labels.sha256`, which was committed before the first run. `-- --seal N`
+//! right; `--dump FOLDER` keeps each recording and its baseline to look at. The file's SHA-256 must be the one in `labels.sha256`, which was committed before the first run. `-- --seal N`
 //! draws N new cases from the operating system's randomness and writes both files.
 //!
 //! The plants of `tests/plants` share no code with the diagnosis: other formulation, other integrator, finer step.
@@ -13,19 +13,22 @@ mod labels;
 mod plants;
 mod tables;
 
+use std::path::Path;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let number = |name: &str| -> Option<usize> {
+    let option = |name: &str| {
         let at = arguments.iter().position(|a| a == name)?;
-        arguments.get(at + 1)?.parse().ok()
+        arguments.get(at + 1)
     };
+    let number = |name: &str| -> Option<usize> { option(name)?.parse().ok() };
     let done = match number("--seal") {
         Some(count) => labels::seal(count),
         None => run(
             number("--skip").unwrap_or(0),
             number("--first").unwrap_or(usize::MAX),
+            option("--dump").map(Path::new),
         ),
     };
     match done {
@@ -37,10 +40,10 @@ fn main() -> ExitCode {
     }
 }
 
-fn run(skip: usize, first: usize) -> Result<(), String> {
+fn run(skip: usize, first: usize, dump: Option<&Path>) -> Result<(), String> {
     let labels = labels::open()?;
     let cases: Vec<_> = labels.into_iter().skip(skip).take(first).collect();
-    let answers = answers::all(&cases);
+    let answers = answers::all(&cases, dump);
     tables::print(&answers);
     Ok(())
 }

@@ -34,8 +34,8 @@ mod run;
 mod simulate;
 
 pub use integrator::{Axis, State};
-pub use output::{baseline_toml, write_csv};
-pub use recipe::{Control, Motion, Noise, Recipe};
+pub use output::{baseline_toml, keep};
+pub use recipe::{Control, Motion, Noise, Recipe, pair};
 pub use simulate::simulate;
 
 /// The effects that the catalogue names.

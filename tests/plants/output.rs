@@ -1,14 +1,22 @@
 //! The files the tool is given.
 
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 use super::recipe::{Motion, Recipe};
 use super::{Case, Recording};
 
+/// Writes a recording and its baseline into a folder, under the name of the recording's seed.
+pub fn keep(folder: &Path, recording: &Recording, baseline: &str) {
+    let file = |ending: &str| folder.join(format!("{}.{ending}", recording.truth.seed));
+    write_csv(recording, &file("csv"))
+        .and_then(|()| fs::write(file("toml"), baseline))
+        .expect("writes into the folder of --dump");
+}
+
 /// Writes `t,u,q` as CSV with units. Numbers are the shortest that read back exactly.
-pub fn write_csv(recording: &Recording, path: impl AsRef<Path>) -> io::Result<()> {
+fn write_csv(recording: &Recording, path: &Path) -> io::Result<()> {
     let mut file = BufWriter::new(File::create(path)?);
     match recording.motion {
         Motion::Rotary => writeln!(file, "t[s],u[N*m],q[rad]")?,

@@ -1,5 +1,6 @@
 //! What to simulate.
 
+use rand::seq::IndexedRandom;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -168,6 +169,17 @@ impl Recipe {
             self.motion == Motion::Rotary || !(self.turns() || self.effects.contains(&"gravity")),
             "effects in sin q need Motion::Rotary: {self:?}"
         );
+    }
+}
+
+/// Two effects that an axis can have at once.
+pub fn pair(rng: &mut ChaCha8Rng) -> [&'static str; 2] {
+    const LOADS: [&str; 2] = ["backlash", "compliance"];
+    loop {
+        let two = super::NAMED.choose_multiple_array(rng).expect("24 effects");
+        if !two.iter().all(|id| LOADS.contains(id)) {
+            return two;
+        }
     }
 }
 
