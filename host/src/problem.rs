@@ -353,6 +353,18 @@ impl Problem {
         })
     }
 
+    /// The middle of each training row as effects see it, under the input that a path passes, where there is any.
+    pub fn points_of_training(&self, direction: &Direction, path: &Path) -> Vec<Point> {
+        let inputs = self.inputs(path);
+        let rows = self.rows.iter().filter(|row| row.part == Part::Train);
+        let points = rows.map(|row| {
+            let (track, k) = (row.track, row.centre);
+            let at = self.tracks[track].driven(k, inputs[track][0][k]);
+            direction.point(track, k, at)
+        });
+        points.filter(|at| at.moment.u != 0.0).collect()
+    }
+
     /// Functionals of so many signals of the cells as effects see them, under the input that a path passes if they are
     /// driven, behind the spring of the path. `before` is what the signals depend on before the spring.
     fn signals(

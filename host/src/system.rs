@@ -540,19 +540,24 @@ pub fn lost(problem: &Problem, model: &Model) -> Option<f64> {
     Some((energy(&missing) / input).sqrt())
 }
 
-/// What the residuals of a model are multiplied by where they are compared with those of others: RMS of the input as
-/// recorded over that of what gets through to the axis, over the training rows.
+/// What the residuals of a model are multiplied by where they are compared with those of others: by how much less of the input
+/// gets through to the axis than was recorded, over the training rows.
 ///
 /// Where the input is part of the response, an effect that lets less of it through makes residuals smaller whether it is
 /// there or not: with nothing let through, nothing remains to be explained. So residuals count in units of what gets through,
-/// as those of a transformed response do (Box and Cox, Journal of the Royal Statistical Society B 26, 1964, sec. 3).
+/// as those of a transformed response do (Box and Cox, Journal of the Royal Statistical Society B 26, 1964, sec. 3): by the RMS
+/// of the input where its way changes it, and by the geometric mean of the share that a ripple of the gain leaves, which over a
+/// short travel may take the whole gain. Friction in proportion to the input has a bound instead.
 pub fn emphasis(problem: &Problem, model: &Model) -> f64 {
     let path = path(model);
     let inertia = model.parameters()[model.moving_inertia()];
     let given = inertia.known || inertia.se == Some(f64::INFINITY);
-    let in_response = problem.response == Response::Force || given;
-    if !in_response || path.bits() == Path::default().bits() {
+    if problem.response != Response::Force && !given {
         return 1.0;
+    }
+    let share = share_left(problem, model, &path);
+    if path.bits() == Path::default().bits() {
+        return 1.0 / share;
     }
     let energy = |path: &Path| {
         let input = problem.input(path);
@@ -560,7 +565,36 @@ pub fn emphasis(problem: &Problem, model: &Model) -> f64 {
         let seen = rows.filter(|(row, _)| row.part == Part::Train);
         seen.map(|(_, u)| u * u).sum::<f64>()
     };
-    (energy(&Path::default()) / energy(&path).max(f64::MIN_POSITIVE)).sqrt()
+    (energy(&Path::default()) / energy(&path).max(f64::MIN_POSITIVE)).sqrt() / share
+}
+
+/// The geometric mean of the share of the input that ripples of the gain leave; 1 if they add to it.
+fn share_left(problem: &Problem, model: &Model, path: &Path) -> f64 {
+    let mut driven = model.terms.iter().filter(|t| ripples(t)).peekable();
+    let Some(gain) = model.gain.value.filter(|_| driven.peek().is_some()) else {
+        return 1.0;
+    };
+    let points = problem.points_of_training(&problem.direction(model), path);
+    let mut left = vec![1.0; points.len()];
+    for term in driven {
+        let (inner, coefficients) = term.effect.linear(&values(term), model.scale());
+        let mut basis = vec![0.0; coefficients.len()];
+        for (left, at) in left.iter_mut().zip(&points) {
+            term.effect.basis(inner, *at, &mut basis);
+            let torque: f64 = coefficients.iter().zip(&basis).map(|(c, b)| c * b).sum();
+            *left -= torque / (gain * at.moment.u);
+        }
+    }
+    let logs = left
+        .iter()
+        .map(|share| share.abs().max(f64::MIN_POSITIVE).ln());
+    let mean = logs.sum::<f64>() / points.len().max(1) as f64;
+    mean.exp().min(1.0)
+}
+
+/// Whether a term is a ripple of the gain over position.
+pub fn ripples(term: &Term) -> bool {
+    term.effect.driven() && term.effect.wave(Inner::default()).is_some()
 }
 
 /// The weak-form residual of a model whose parameters all have values, on the side of the problem's response.

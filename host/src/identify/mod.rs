@@ -540,7 +540,9 @@ fn empty(term: &mut Term, scale: Scale) {
 fn with_starts(problem: &Problem, model: &Model) -> Model {
     let mut model = model.clone();
     let survey = problem.survey(&model);
+    let given = model.clone();
     for term in &mut model.terms {
+        given.begin_fall(term);
         if let Some((shape, start)) = term.effect.shape() {
             let parameter = &mut term.parameters[shape];
             parameter.value = Some(parameter.value.unwrap_or_else(|| parameter.clamp(start)));

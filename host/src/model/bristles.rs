@@ -87,6 +87,14 @@ impl Model {
         self.law != Law::CoulombViscous
     }
 
+    /// Begins the fall of a friction law that is still open where the bristles are as they are without it: from their level.
+    pub fn begin_fall(&self, term: &mut Term) {
+        if term.falls() && self.bristle_term().is_some() {
+            let level = &mut term.parameters[0];
+            level.value = level.value.or(self.coulomb.value);
+        }
+    }
+
     /// Bits of all that the deflection of the bristles depends on: levels, fall and stiffness.
     pub fn bristle_key(&self) -> [u64; 5] {
         let fall = self.terms.iter().find(|t| t.falls());

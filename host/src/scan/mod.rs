@@ -260,10 +260,7 @@ impl<'a> Ground<'a> {
         let mut model = Model::clone(&self.model);
         let mut term = term.clone();
         set_inner(&mut term, inner);
-        if term.falls() && model.bristle_term().is_some() {
-            let level = &mut term.parameters[0];
-            level.value = level.value.or(model.coulomb.value);
-        }
+        model.begin_fall(&mut term);
         model.terms.push(term);
         model
     }
@@ -316,16 +313,24 @@ impl<'a> Ground<'a> {
             score = system.score_of(self.products_with(&system.columns_and([])), 0.0);
         }
         let Some(score) = score else { return Ok(None) };
-        if system.decode(&score.beta, &mut model) {
-            return Ok(self.plausible(&model).then_some(score));
-        }
-        if self.lenient && system::inadmissible_beside_law(&model).is_none() {
+        let admissible = system.decode(&score.beta, &mut model);
+        if admissible || self.lenient && system::inadmissible_beside_law(&model).is_none() {
+            let score = self.emphasised(score, &system, &model);
             return Ok(self.plausible(&model).then_some(score));
         }
         match system::inadmissible(&model).map(|k| self.without_fall(k)) {
             Some(level) => level?.map_or(Ok(None), |level| level.with(term, inner)),
             None => Ok(None),
         }
+    }
+
+    /// A score of a system with the emphasis of the model that it led to, whose gain may ripple as it did not before.
+    fn emphasised(&self, score: Score, system: &System, model: &Model) -> Score {
+        if !model.terms.iter().any(system::ripples) {
+            return score;
+        }
+        let emphasis = system::emphasis(self.setting.problem.training(), model);
+        score.times((emphasis / system.emphasis()).powi(2))
     }
 
     /// The ground without a term if that is the fall of its friction law and not given.
