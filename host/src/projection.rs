@@ -123,13 +123,15 @@ impl Projection {
         let (gram, right) = self.gram(columns);
         let (mut best, mut most) = ((0, columns.len()), 0.0);
         for first in 0..columns.len() {
-            let (mut product, mut square) = (0.0, 0.0);
+            let (mut product, mut square, mut apart) = (0.0, 0.0, 0.0);
             for last in first..columns.len() {
                 product += right[last];
                 let beside: f64 = (first..last).map(|k| gram[(k, last)]).sum();
                 square += gram[(last, last)] + 2.0 * beside;
+                apart += gram[(last, last)];
                 let gain = product * product / square.max(f64::MIN_POSITIVE);
-                if gain > most {
+                // Columns that add up to nothing are part of the fit together.
+                if gain > most && square > NOTHING * apart {
                     (best, most) = ((first, last + 1), gain);
                 }
             }
@@ -174,6 +176,9 @@ mod tests {
         let projection = Projection::new(&response, std::slice::from_ref(&ramp), &seen);
         let blocks: Vec<Vec<f64>> = (0..12).map(|k| inside(10 * k, 10 * k + 10)).collect();
         assert_eq!(projection.best_interval(&blocks), (3, 6));
+        // All blocks together are a constant: of a fit that has one they are no step.
+        let constant = Projection::new(&step, &[inside(0, n)], &seen);
+        assert_eq!(constant.best_interval(&blocks), (3, 6));
         let left = |p: &Projection| p.residual.iter().map(|r| r * r).sum::<f64>();
         let refit = Projection::new(&response, &[ramp, step.clone()], &seen);
         let fall = left(&projection) - left(&refit);

@@ -44,14 +44,24 @@ impl Ground<'_> {
                 self.refine(term, 1, (border(off - 1), border(off + 1)), &mut found)?;
             }
         }
+        let few = FEWEST_WITHOUT * 2.0 * self.survey.half_width;
+        // An end shortly before that of the training part is a guess from its last moments: the held-out part tells.
+        let guess = (off < BLOCKS && end - found.inner[1] < few).then(|| found.clone());
+        if guess.is_some() {
+            found.inner[1] = forever;
+            let Some(score) = self.with(term, found.inner)? else {
+                return Ok(guess);
+            };
+            found.score = score;
+        }
         let without = end - (found.inner[1].min(end) - found.inner[0]);
-        if without < FEWEST_WITHOUT * 2.0 * self.survey.half_width {
+        if without < few {
             return Ok(None);
         }
-        if off == BLOCKS {
+        if off == BLOCKS || guess.is_some() {
             self.end_later(term, &mut found);
         }
-        Ok(Some(found))
+        Ok(guess.filter(|_| found.inner[1] <= end).or(Some(found)))
     }
 
     /// Where what is on at the end of the training part goes off in the held-out part, if it does: no past tells such an
