@@ -6,7 +6,6 @@ use super::leftover;
 use super::select::{self, Scope, Selection};
 use super::trial::{Trial, students_t};
 use super::whitened;
-use crate::effects::Effect;
 use crate::error::Result;
 use crate::fit::{self, Parts};
 use crate::identify::Workbench;
@@ -75,9 +74,8 @@ pub(super) fn confirmed(
 ) -> Result<Selection> {
     let mut refuted: Vec<&str> = Vec::new();
     loop {
-        let open = |effect: &dyn Effect| (scope.sought)(effect) && !refuted.contains(&effect.id());
         let open = Scope {
-            sought: &open,
+            refuted: &refuted,
             ..*scope
         };
         let selection = select::select(&open, before, start.clone(), recordings, progress)?;

@@ -71,6 +71,8 @@ pub(super) struct Scope<'a> {
     pub usual: &'a Workbench,
     /// The effects to try.
     pub sought: &'a (dyn Fn(&dyn Effect) -> bool + Sync),
+    /// Effects that the held-out part refuted: they are not tried, and take no other's place.
+    pub refuted: &'a [&'a str],
     /// Whether the evidence suffices.
     pub passes: &'a (dyn Fn(&Trial) -> bool + Sync),
     /// Whether it is for what only windows narrower than usual show. Otherwise an effect without sufficient evidence counts
@@ -85,6 +87,7 @@ impl<'a> Scope<'a> {
             bench,
             usual: bench,
             sought: &|_| true,
+            refuted: &[],
             passes: &passes,
             fast: false,
         }
@@ -118,7 +121,7 @@ pub(super) fn select(
         let Some(base) = Base::new(bench, &current)? else {
             break;
         };
-        let tried = trials(&base, &current, &sought)?;
+        let tried = trials(&base, &current, &open)?;
         if round == 1 {
             alone = tried.clone();
         }
@@ -159,7 +162,7 @@ fn beside_a_bent_law(scope: &Scope, model: &Model) -> Result<Option<Selected>> {
     let Some(base) = base.transpose()?.flatten().map(Base::leniently) else {
         return Ok(None);
     };
-    let mut likely = trials(&base, model, scope.sought)?;
+    let mut likely = trials(&base, model, scope)?;
     likely.retain(|trial| (scope.passes)(trial) && !trial.effect.nuisance());
     likely.truncate(LIKELIEST);
     let fitted = fitted(&base, model, likely)?.into_iter();
@@ -242,17 +245,14 @@ fn taken(effect: &dyn Effect, selected: &[Selected]) -> bool {
     fast.any(|other| confused(other, effect) || confused(effect, other))
 }
 
-/// Every effect that a model has room for, tried on it; best first.
-fn trials(
-    base: &Base,
-    model: &Model,
-    sought: &(dyn Fn(&dyn Effect) -> bool + Sync),
-) -> Result<Vec<Trial>> {
+/// Every effect of a scope that a model has room for, tried on it; best first.
+fn trials(base: &Base, model: &Model, scope: &Scope) -> Result<Vec<Trial>> {
     let nuisance: &'static dyn Effect = &effects::CREEP;
     let forms = |effect: &'static dyn Effect| [Some(effect), effect.other_form()];
     let all = (effects::ALL.iter().copied().chain([nuisance]))
         .flat_map(forms)
         .flatten();
+    let sought = |e: &dyn Effect| (scope.sought)(e) && !scope.refuted.contains(&e.id());
     let open: Vec<_> = all.filter(|e| fits_in(*e, model) && sought(*e)).collect();
     let tried: Result<Vec<Option<Trial>>> = open
         .into_par_iter()
@@ -278,7 +278,7 @@ pub(super) fn best(
     let Some(base) = Base::new(scope.bench, model)? else {
         return Ok(None);
     };
-    let tried = trials(&base, model, scope.sought)?;
+    let tried = trials(&base, model, scope)?;
     choose(scope, model, tried, may_be_rescued, recordings)
 }
 
@@ -437,6 +437,7 @@ fn again(
     } else {
         Scope {
             sought: &sought,
+            refuted: scope.refuted,
             ..Scope::usual(scope.usual)
         }
     };

@@ -161,6 +161,7 @@ impl Closer<'_> {
             bench: fine,
             usual: self.usual,
             sought: &sought,
+            refuted: &[],
             passes: &passes,
             fast: true,
         };

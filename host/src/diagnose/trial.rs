@@ -4,7 +4,7 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::confirm::HeldOut;
 use super::select::{CERTAIN, FLOOR, SOUGHT};
-use crate::effects::{self, Effect, Inner};
+use crate::effects::{self, Effect, Inner, Search};
 use crate::error::Result;
 use crate::identify::Workbench;
 use crate::linear::{self, Score};
@@ -70,7 +70,7 @@ impl Gain {
     }
 
     /// Whether it takes most of the error away, and from every block its share, be it that some have more than others: no
-    /// chance, though it may be more than one kind of physics does. A name asks for more.
+    /// chance, though it may be more than one kind of physics does. A name asks for more, unless what is named is [`rare`].
     fn clear(&self, least_t: f64) -> bool {
         self.share >= MOST && self.relative_t >= least_t
     }
@@ -173,7 +173,7 @@ impl<'a> Base<'a> {
             delta_bic: before.chi2 - found.score.chi2 - price,
             price,
             gain,
-            certain: gain.t >= self.least_t || effect.nuisance() && gain.clear(self.least_t),
+            certain: gain.t >= self.least_t || rare(effect) && gain.clear(self.least_t),
             reopens: self.ground.lenient(),
         }))
     }
@@ -275,6 +275,12 @@ impl<'a> Base<'a> {
         let hertz = ground.strongest_line(&ground.frequencies());
         hertz.map_or_else(Vec::new, |f| ground.line(f))
     }
+}
+
+/// Whether an effect gives some blocks of time much more of their error than others by its nature: it acts for a while, or where
+/// the axis creeps.
+fn rare(effect: &dyn Effect) -> bool {
+    effect.nuisance() || effect.search() == Search::Interval
 }
 
 /// The t from which on a gain in so many blocks is no chance of a few of them.
