@@ -11,6 +11,7 @@ use crate::linear::{self, Score};
 use crate::model::{Model, Term};
 use crate::scan::{self, Ground};
 use crate::system;
+use crate::weak::TRAIN_SHARE;
 
 /// The best that an effect can do on top of a model.
 #[derive(Clone)]
@@ -70,7 +71,8 @@ impl Gain {
     }
 
     /// Whether it takes most of the error away, and from every block its share, be it that some have more than others: no
-    /// chance, though it may be more than one kind of physics does. A name asks for more, unless what is named is [`rare`].
+    /// chance, though it may be more than one kind of physics does. A name asks for more, unless what is named
+    /// is rare.
     fn clear(&self, least_t: f64) -> bool {
         self.share >= MOST && self.relative_t >= least_t
     }
@@ -173,9 +175,19 @@ impl<'a> Base<'a> {
             delta_bic: before.chi2 - found.score.chi2 - price,
             price,
             gain,
-            certain: gain.t >= self.least_t || rare(effect) && gain.clear(self.least_t),
+            certain: gain.t >= self.least_t
+                || self.is_rare(effect, found.inner) && gain.clear(self.least_t),
             reopens: self.ground.lenient(),
         }))
+    }
+
+    /// Whether an effect gives some blocks of time much more of their error than others by its nature: it acts where the axis
+    /// creeps, or for a while. That while lasts two blocks at least, which lie in two folds: what begins and ends within one is
+    /// told by no other, and any blip passes for a load.
+    fn is_rare(&self, effect: &dyn Effect, [on, off]: Inner) -> bool {
+        let training = TRAIN_SHARE * self.ground.survey.duration;
+        let lasts = || off.min(training) - on >= 2.0 * system::block_length(training);
+        effect.nuisance() || effect.search() == Search::Interval && lasts()
     }
 
     /// What generic columns gain on top of the model.
@@ -275,12 +287,6 @@ impl<'a> Base<'a> {
         let hertz = ground.strongest_line(&ground.frequencies());
         hertz.map_or_else(Vec::new, |f| ground.line(f))
     }
-}
-
-/// Whether an effect gives some blocks of time much more of their error than others by its nature: it acts for a while, or where
-/// the axis creeps.
-fn rare(effect: &dyn Effect) -> bool {
-    effect.nuisance() || effect.search() == Search::Interval
 }
 
 /// The t from which on a gain in so many blocks is no chance of a few of them.
