@@ -2,7 +2,8 @@
 //!
 //! `cargo run --release --example validate -- --seed 1 --clean 200 --each 12` prints the rates; `--pairs 50` adds axes with
 //! two effects; with `--velocity 1` the recordings hold differenced velocity in place of position, and `--dump FOLDER` keeps
-//! each plant's recording and baseline to look at. The plants of `tests/plants` share no code with the diagnosis: other formulation, other integrator, finer step.
+//! each plant's recording and baseline to look at. The plants of `tests/plants` share no code with the diagnosis: other
+//! formulation, other integrator, finer step.
 
 mod plants;
 

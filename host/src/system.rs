@@ -570,13 +570,13 @@ pub fn emphasis(problem: &Problem, model: &Model) -> f64 {
 
 /// The geometric mean of the share of the input that ripples of the gain leave; 1 if they add to it.
 fn share_left(problem: &Problem, model: &Model, path: &Path) -> f64 {
-    let mut driven = model.terms.iter().filter(|t| ripples(t)).peekable();
-    let Some(gain) = model.gain.value.filter(|_| driven.peek().is_some()) else {
+    let ripples: Vec<&Term> = model.terms.iter().filter(|t| ripples(t)).collect();
+    let Some(gain) = model.gain.value.filter(|_| !ripples.is_empty()) else {
         return 1.0;
     };
     let points = problem.points_of_training(&problem.direction(model), path);
     let mut left = vec![1.0; points.len()];
-    for term in driven {
+    for term in ripples {
         let (inner, coefficients) = term.effect.linear(&values(term), model.scale());
         let mut basis = vec![0.0; coefficients.len()];
         for (left, at) in left.iter_mut().zip(&points) {

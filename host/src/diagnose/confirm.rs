@@ -72,7 +72,7 @@ pub(super) fn confirmed(
     recordings: &[Recording],
     progress: &dyn Fn(&str),
 ) -> Result<Selection> {
-    let mut refuted: Vec<&str> = Vec::new();
+    let mut refuted: Vec<&str> = scope.refuted.to_vec();
     loop {
         let open = Scope {
             refuted: &refuted,
@@ -204,6 +204,21 @@ pub(super) fn departure(bench: &Workbench, model: &Model) -> f64 {
         return 1.0;
     }
     (mean_square(Part::HeldOut) / mean_square(Part::Train).max(f64::MIN_POSITIVE)).sqrt()
+}
+
+/// Whether free runs of a model err by less than half of the squared error of others on both parts.
+pub(super) fn halves(
+    bench: &Workbench,
+    model: &Model,
+    before: &Parts,
+    recordings: &[Recording],
+) -> Result<bool> {
+    let halves = |part: Part, before: fit::Error| -> Result<bool> {
+        let after = fit::part(part, model, recordings, &bench.problem.tracks)?;
+        Ok(after.halves(&before))
+    };
+    // The shorter part first.
+    Ok(halves(Part::HeldOut, before.held_out())? && halves(Part::Train, before.train())?)
 }
 
 /// Whether one model predicts the held-out part worse than another: by more than [`FREE_RUN_TOLERANCE`] and, window against

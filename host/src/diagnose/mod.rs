@@ -302,11 +302,9 @@ fn search(
     let nothing = (Vec::new(), before.clone());
     let mut refuted: Vec<&str> = Vec::new();
     loop {
-        let sought = |effect: &dyn Effect| {
-            !refuted.contains(&effect.id()) && (load_side || !effect.on_load_side())
-        };
         let scope = Scope {
-            sought: &sought,
+            sought: &|effect: &dyn Effect| load_side || !effect.on_load_side(),
+            refuted: &refuted,
             ..Scope::usual(bench)
         };
         let usual = confirmed(&scope, before, &nothing, recordings, progress)?;
@@ -351,23 +349,21 @@ fn refuted_by_itself(
     before: &Model,
     recordings: &[Recording],
 ) -> Result<Option<&'static str>> {
-    let added = || settled.terms[before.terms.len()..].iter();
-    let nuisance = added().find(|t| t.effect.nuisance());
+    let added = settled.terms.iter().enumerate().skip(before.terms.len());
+    let (nuisances, named): (Vec<_>, Vec<_>) = added.partition(|(_, t)| t.effect.nuisance());
+    let nuisance = nuisances.first().map(|(_, t)| t.effect.id());
     let slight = system::lost(&bench.problem, settled).is_some_and(trial::negligible);
-    let mut doubts: Vec<(f64, usize)> = Vec::new();
-    for (k, term) in settled.terms.iter().enumerate().skip(before.terms.len()) {
-        if term.effect.nuisance() {
-            continue;
-        }
-        if slight && term.effect.divides() {
-            return Ok(Some(nuisance.unwrap_or(term).effect.id()));
-        }
-        doubts.extend(told::doubt(term).map(|doubt| (doubt, k)));
+    if let Some((_, gap)) = named.iter().find(|(_, t)| slight && t.effect.divides()) {
+        return Ok(Some(nuisance.unwrap_or(gap.effect.id())));
     }
+    let doubts = named
+        .iter()
+        .filter_map(|(k, t)| Some((told::doubt(t)?, *k, t.effect.id())));
+    let mut doubts: Vec<(f64, usize, &str)> = doubts.collect();
     doubts.sort_by(|a, b| a.0.total_cmp(&b.0));
-    for (_, k) in doubts {
+    for (_, k, id) in doubts {
         if nuisance.is_some() || !predicts(bench, settled, k, recordings)? {
-            return Ok(Some(nuisance.unwrap_or(&settled.terms[k]).effect.id()));
+            return Ok(Some(nuisance.unwrap_or(id)));
         }
     }
     Ok(None)
@@ -383,9 +379,8 @@ fn predicts(
     let Ok((without, _)) = bench.estimate(&select::without(model, term)) else {
         return Ok(true);
     };
-    let run = |model: &Model| fit::parts(model, recordings, &bench.problem.tracks);
-    let (with, without) = (run(model)?, run(&without)?);
-    Ok(with.held_out().halves(&without.held_out()) && with.train().halves(&without.train()))
+    let before = fit::parts(&without, recordings, &bench.problem.tracks)?;
+    confirm::halves(bench, model, &before, recordings)
 }
 
 fn unexplained(leftover: &Leftover) -> Unexplained {

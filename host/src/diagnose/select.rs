@@ -12,7 +12,6 @@ use crate::fit::{self, Parts};
 use crate::identify::{self, Workbench};
 use crate::model::Model;
 use crate::recording::Recording;
-use crate::weak::Part;
 use crate::{scan, system};
 
 /// Share by which the cross-validated squared error must fall: 10 % of the RMS error. Reversals and coloured noise
@@ -71,7 +70,7 @@ pub(super) struct Scope<'a> {
     pub usual: &'a Workbench,
     /// The effects to try.
     pub sought: &'a (dyn Fn(&dyn Effect) -> bool + Sync),
-    /// Effects that the held-out part refuted: they are not tried, and take no other's place.
+    /// Effects that were refuted: they are not tried, and take no other's place.
     pub refuted: &'a [&'a str],
     /// Whether the evidence suffices.
     pub passes: &'a (dyn Fn(&Trial) -> bool + Sync),
@@ -373,12 +372,7 @@ fn rescued(
     if trial.gain.share >= FLOOR && confirm::HeldOut::of(bench, &with, model).shows_again() {
         return Ok(true);
     }
-    let halves = |part: Part, before: fit::Error| -> Result<bool> {
-        let after = fit::part(part, &with, recordings, &bench.problem.tracks)?;
-        Ok(after.halves(&before))
-    };
-    // The shorter part first.
-    Ok(halves(Part::HeldOut, before.held_out())? && halves(Part::Train, before.train())?)
+    confirm::halves(bench, &with, before, recordings)
 }
 
 /// Looks again at all effects but the one selected last, each under the windows that it was found with: drops those that are

@@ -86,6 +86,7 @@ pub(super) fn sharpened(
         fine: &fine,
         usual: bench,
         sought: scope.sought,
+        refuted: scope.refuted,
         slowest,
         before,
         found: &found,
@@ -134,6 +135,7 @@ struct Closer<'a> {
     fine: &'a [Workbench],
     usual: &'a Workbench,
     sought: &'a (dyn Fn(&dyn Effect) -> bool + Sync),
+    refuted: &'a [&'a str],
     /// Hz from which on usual windows dull.
     slowest: f64,
     before: &'a Model,
@@ -161,7 +163,7 @@ impl Closer<'_> {
             bench: fine,
             usual: self.usual,
             sought: &sought,
-            refuted: &[],
+            refuted: self.refuted,
             passes: &passes,
             fast: true,
         };

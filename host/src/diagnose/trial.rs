@@ -11,7 +11,6 @@ use crate::linear::{self, Score};
 use crate::model::{Model, Term};
 use crate::scan::{self, Ground};
 use crate::system;
-use crate::weak::TRAIN_SHARE;
 
 /// The best that an effect can do on top of a model.
 #[derive(Clone)]
@@ -71,8 +70,8 @@ impl Gain {
     }
 
     /// Whether it takes most of the error away, and from every block its share, be it that some have more than others: no
-    /// chance, though it may be more than one kind of physics does. A name asks for more, unless what is named
-    /// is rare.
+    /// chance, though it may be more than one kind of physics does. A name asks for more, unless what
+    /// is named is rare.
     fn clear(&self, least_t: f64) -> bool {
         self.share >= MOST && self.relative_t >= least_t
     }
@@ -185,7 +184,7 @@ impl<'a> Base<'a> {
     /// creeps, or for a while. That while lasts two blocks at least, which lie in two folds: what begins and ends within one is
     /// told by no other, and any blip passes for a load.
     fn is_rare(&self, effect: &dyn Effect, [on, off]: Inner) -> bool {
-        let training = TRAIN_SHARE * self.ground.survey.duration;
+        let training = self.ground.training();
         let lasts = || off.min(training) - on >= 2.0 * system::block_length(training);
         effect.nuisance() || effect.search() == Search::Interval && lasts()
     }

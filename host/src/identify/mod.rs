@@ -538,11 +538,10 @@ fn empty(term: &mut Term, scale: Scale) {
 /// The model with a middle-of-the-grid value for each inner parameter that has none; bristles wait for the level that
 /// they yield at.
 fn with_starts(problem: &Problem, model: &Model) -> Model {
-    let mut model = model.clone();
-    let survey = problem.survey(&model);
-    let given = model.clone();
-    for term in &mut model.terms {
-        given.begin_fall(term);
+    let mut started = model.clone();
+    let survey = problem.survey(model);
+    for term in &mut started.terms {
+        model.begin_fall(term);
         if let Some((shape, start)) = term.effect.shape() {
             let parameter = &mut term.parameters[shape];
             parameter.value = Some(parameter.value.unwrap_or_else(|| parameter.clamp(start)));
@@ -554,7 +553,7 @@ fn with_starts(problem: &Problem, model: &Model) -> Model {
             term.parameters[inner].value = Some(middle(term, inner, &survey));
         }
     }
-    model
+    started
 }
 
 /// Bounds the inner parameters that are left to a fit to where they are sought and a factor of [`BEYOND`]; bristles may be softer

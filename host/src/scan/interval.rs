@@ -4,7 +4,7 @@ use super::{Found, Ground, set_inner};
 use crate::error::Result;
 use crate::model::Term;
 use crate::system;
-use crate::weak::{Part, TRAIN_SHARE};
+use crate::weak::Part;
 
 /// Blocks of time at whose borders an interval may begin and end.
 const BLOCKS: usize = 64;
@@ -16,7 +16,7 @@ impl Ground<'_> {
     /// All intervals between the borders of equal blocks of time: with the projected columns of the blocks at hand, the
     /// gain of every interval follows from cumulative sums.
     pub(super) fn in_time(&self, term: &Term) -> Result<Option<Found>> {
-        let end = TRAIN_SHARE * self.survey.duration;
+        let end = self.training();
         let border = |k: usize| end * k as f64 / BLOCKS as f64;
         let mut blocks = Vec::with_capacity(BLOCKS);
         for k in 0..BLOCKS {
@@ -67,7 +67,7 @@ impl Ground<'_> {
     /// Where what is on at the end of the training part goes off in the held-out part, if it does: no past tells such an
     /// instant, so it is read off there, with everything else as the training part says.
     fn end_later(&self, term: &Term, found: &mut Found) {
-        let (from, to) = (TRAIN_SHARE * self.survey.duration, self.survey.duration);
+        let (from, to) = (self.training(), self.survey.duration);
         let mut model = self.model_with(term, found.inner);
         self.extended(&model).decode(&found.score.beta, &mut model);
         let error = |off: f64| -> f64 {

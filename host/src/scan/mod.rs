@@ -17,7 +17,7 @@ use crate::noise::Noise;
 use crate::problem::{Column, Problem};
 use crate::projection::Projection;
 use crate::system::{self, System};
-use crate::weak::Part;
+use crate::weak::{Part, TRAIN_SHARE};
 pub use memo::Memo;
 
 /// What the recordings give, whatever the model.
@@ -353,6 +353,11 @@ impl<'a> Ground<'a> {
     pub fn products_with(&self, columns: &[&[f64]]) -> Products {
         let response = &self.system.response;
         self.products.with(response, columns, self.setting.blocks)
+    }
+
+    /// Length of the training part, s.
+    pub fn training(&self) -> f64 {
+        TRAIN_SHARE * self.survey.duration
     }
 
     /// Share of the input that a gap keeps from the load, if a term is one: see [`system::lost`].

@@ -12,6 +12,9 @@ pub(super) fn bracket(
     f: impl Fn(f64) -> f64,
 ) -> [f64; 2] {
     for k in 0..STEPS {
+        if narrow(ends, values) {
+            break;
+        }
         let [a, b] = ends;
         // Secants, with a halving now and then: it bounds the steps where the function changes all at once.
         let share = values[0] / (values[0] - values[1]);
@@ -20,7 +23,7 @@ pub(super) fn bracket(
         } else {
             a + share * (b - a)
         };
-        if narrow(ends, values) || !next.is_finite() {
+        if !next.is_finite() {
             break;
         }
         let value = f(next);

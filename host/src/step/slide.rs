@@ -100,7 +100,7 @@ fn slide<const N: usize>(
     if before <= 0.0 {
         // An axis that leaves standstill and is back within the step, against a resistance that soars with the first bit of
         // speed, creeps: less than the step could show, and cutting at every return would never end.
-        *x = at_rest(plant, drive, x, step);
+        *x = resting(plant, drive, *x)(step);
         return step;
     }
     let [low, high] = instant(step, [before, after], |h| speed(&go(h)));
@@ -116,33 +116,35 @@ fn stick<const N: usize>(
     x: &mut [f64; N],
     step: f64,
 ) -> f64 {
-    let go = |h: f64| at_rest(plant, drive, x, h);
+    let go = resting(plant, drive, *x);
     let reserve = |x: &[f64; N]| {
         let [forward, backward] = reserves(plant, drive, x);
         forward.min(backward)
     };
     let next = go(step);
-    let (before, after) = (reserve(x), reserve(&next));
+    let after = reserve(&next);
     if after >= 0.0 {
         *x = next;
         return step;
     }
-    let [_, high] = instant(step, [before, after], |h| reserve(&go(h)));
+    let [_, high] = instant(step, [reserve(x), after], |h| reserve(&go(h)));
     *x = go(high);
     high
 }
 
-/// The state after the contact has been at rest for a while.
-fn at_rest<const N: usize>(
+/// The state after the contact has been at rest for so long.
+fn resting<const N: usize>(
     plant: &impl Mechanism<N>,
     drive: Drive,
-    x: &[f64; N],
-    h: f64,
-) -> [f64; N] {
-    let slope = |x: &[f64; N]| plant.rate(drive, x, plant.balance(drive, x));
-    let mut next = runge_kutta(slope, x, &slope(x), h);
-    plant.rest(&mut next);
-    next
+    x: [f64; N],
+) -> impl Fn(f64) -> [f64; N] {
+    let slope = move |x: &[f64; N]| plant.rate(drive, x, plant.balance(drive, x));
+    let first = slope(&x);
+    move |h| {
+        let mut next = runge_kutta(slope, &x, &first, h);
+        plant.rest(&mut next);
+        next
+    }
 }
 
 /// The two ends of the instant, within a step, up to which `f` is not negative.
