@@ -1,10 +1,12 @@
 //! The plants against what is known of them: closed solutions, an independent solver, and convergence.
 
+use std::f64::consts::TAU;
+
 use bristle::axis::Axis;
-use bristle::effects;
+use bristle::effects::{self, Coupling};
 use bristle::model::Model;
 use bristle::plant::{DcMotor, WheelSlip, geared_servo, mass_spring};
-use bristle::step::{Drive, Mechanism, Memory, State, advance};
+use bristle::step::{Drive, Loaded, Mechanism, Memory, State, advance};
 use bristle_core::friction::Curve;
 use differential_equations::prelude::{ExplicitRungeKutta, IVP};
 
@@ -355,6 +357,36 @@ fn bristles_too_stiff_to_follow_act_as_dry_friction() {
                 b.x[0]
             );
         }
+    }
+}
+
+/// What soars with the first bit of speed lets the driven side creep by a few µrad, while the load swings as on a wall: `√(k/J_L)`
+/// is 5 Hz.
+#[test]
+fn a_load_swings_on_while_the_driven_side_creeps() {
+    let text = "[plant]\nmotion = \"rotary\"\ninertia = 0.01\n[friction]\nmodel = \"coulomb-viscous\"\ncoulomb = 0.0\nviscous = 0.0\n[effects.power-law-viscous]\ncoefficient = 5.0\nexponent = 0.3\n";
+    let axis = Axis::simulated(&model(text)).expect("the model is complete");
+    let inertia = 0.004;
+    let coupling = Coupling {
+        inertia,
+        stiffness: inertia * (TAU * 5.0).powi(2),
+        damping: 0.0,
+        gap: 0.0,
+        load_side: false,
+    };
+    let loaded = Loaded::new(axis, coupling);
+    let at_rest = State { q: 0.0, v: 0.0 };
+    let mut state = Memory {
+        x: loaded.carrying(at_rest, [0.1, 0.0]),
+        z: 0.0,
+    };
+    for turn in 1..=4 {
+        for _ in 0..100 {
+            state = advance(&loaded, Drive::default(), state, 1e-3);
+        }
+        let ahead = if turn % 2 == 0 { 0.1 } else { -0.1 };
+        assert!((state.x[2] - ahead).abs() < 1e-3, "{:?}", state.x);
+        assert!(state.x[0].abs() < 1e-4, "{:?}", state.x);
     }
 }
 
