@@ -137,3 +137,37 @@ impl<P> Contact<'_, P> {
         under(root::bracket(ends, values, narrow, excess)[1])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{Contact, Drive, Mechanism, Memory};
+    use crate::axis::Axis;
+    use crate::model::Model;
+
+    /// `2·m·(w_middle − w)/h = a − F`, whether the bristles hold, yield or are bent the other way.
+    #[test]
+    fn a_bracketed_step_solves_its_equation() {
+        let text = "[plant]\nmotion = \"linear\"\ninertia = 2.0\n[friction]\nmodel = \"lugre\"\ncoulomb = 4.0\nviscous = 0.5\nstatic = 6.0\nstribeck_velocity = 0.1\nbristle_stiffness = 1e9\nbristle_damping = 1e3\n";
+        let model = Model::parse(text).expect("the model parses");
+        let plant = Axis::simulated(&model).expect("the model is complete");
+        let law = plant.contact().bristles().expect("bristles");
+        for (v, z, u) in [(0.0, 2e-9, 5.0), (0.3, 4e-9, -9.0), (-0.02, 5e-9, 20.0)] {
+            let drive = Drive {
+                u,
+                ..Drive::default()
+            };
+            let contact = Contact {
+                plant: &plant,
+                law,
+                drive,
+                h: 1e-4,
+            };
+            let middle = contact.bracketed(Memory { x: [0.0, v], z });
+            let friction = contact.friction(z, &middle);
+            let inertial = 2.0 * plant.inertia() * (middle[1] - v) / contact.h;
+            let off = plant.balance(drive, &middle) - friction - inertial;
+            let scale = u.abs() + friction.abs() + inertial.abs();
+            assert!(off.abs() <= 1e-11 * scale, "{off} of {scale}");
+        }
+    }
+}
