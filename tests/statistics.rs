@@ -200,6 +200,21 @@ fn two_effects_at_once_are_named() {
     }
 }
 
+/// Beside a limit that is not in the model yet, a load that stays seemed to go off in the held-out part, and was left so.
+#[test]
+fn an_end_is_told_anew_beside_what_was_found_later() {
+    let two = ["saturation", "load-step"];
+    let recipe = Recipe::with_effects(78_500_156, &two, 0.1, Noise::Low);
+    let (_, outcome, _) = examine(&recipe);
+    let load = outcome
+        .after
+        .terms
+        .iter()
+        .find(|t| t.effect.id() == "load-step");
+    let off = load.and_then(|load| load.parameters[2].value);
+    assert!(off.is_some_and(|off| off > recipe.duration), "{off:?}");
+}
+
 /// A limit that was reached once, for a tenth of a second, takes most of the error as a load does that comes and goes there.
 #[test]
 fn a_blip_is_no_load() {

@@ -237,6 +237,21 @@ fn what_acts_in_the_held_out_part_alone_is_noticed() {
     assert!(text.contains("last 30 %"), "{text}");
     let same = diagnosed_under_control(|_| PLAIN, faithful);
     assert_eq!(same["verdict"], "adequate", "{}", same["text"]);
+    // Nor does what else is left out explain it.
+    let spring = "[effects.spring]\nstiffness = 0.2\n";
+    let (early, late) = (format!("{PLAIN}{spring}"), format!("{UNBALANCED}{spring}"));
+    let axes = |t| {
+        if t > 17.0 {
+            late.as_str()
+        } else {
+            early.as_str()
+        }
+    };
+    let json = diagnosed_under_control(axes, faithful);
+    assert_eq!(json["verdict"], "unknown", "{}", json["text"]);
+    assert_eq!(json["findings"][0]["id"], "spring", "{}", json["text"]);
+    let text = json["text"].as_str().unwrap_or_default();
+    assert!(text.contains("last 30 %"), "{text}");
 }
 
 /// A pendulum on a servo for six seconds: acceleration takes 1 % of the drive, so the side of the equation that noise in the

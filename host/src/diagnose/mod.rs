@@ -170,16 +170,14 @@ fn concluded(
     }
     let creep = take_nuisance(&mut selected, [&mut settled, &mut after], before);
     let departure = confirm::departure(bench, &after);
-    let departs = selected.is_empty()
-        && departure > DEPARTS
-        && baseline.fit.held_out.nrmse > baseline.fit.train.nrmse
-        && leftover::counts(bench, &after);
+    let departs = departure > DEPARTS && leftover::counts(bench, &after);
     progress("how certain it is");
     let after = if selected.is_empty() { after } else { settled };
     // What windows of the usual width do not show is told by those that do.
     let fine = fine.filter(|_| !selected.is_empty());
     let bench = fine.as_ref().map_or(bench, |fast| &fast.bench);
     let (mut findings, after_fit) = findings(bench, baseline, &selected, &after, recordings)?;
+    let departs = departs && after_fit.held_out.nrmse > after_fit.train.nrmse;
     let hopeless = after_fit.train.nrmse.min(after_fit.held_out.nrmse) > HOPELESS;
     let verdict = if significant || nameless || departs || hopeless || given.is_some() {
         Verdict::Unknown
@@ -210,7 +208,11 @@ fn concluded(
     let place = locate::locate(bench, before, &z_before, &z_after);
     let text = match given {
         Some(given) => given_sentence(&given),
-        None if departs && remains.is_none() => departure_sentence(&place),
+        None if departs && remains.is_none() => {
+            let z = whitened(bench, &after);
+            let when = locate::locate(bench, &after, &z, &vec![1.0; z.len()]);
+            departure_sentence(&findings, &when)
+        }
         None => verdict_sentence(verdict, &findings, remains, &warnings),
     };
     let diagnosis = Diagnosis {
@@ -458,12 +460,23 @@ fn given_sentence(given: &str) -> String {
 }
 
 /// What to say of a held-out part that is unlike the rest.
-fn departure_sentence(place: &Where) -> String {
+fn departure_sentence(findings: &[Finding], place: &Where) -> String {
     let spans = place.time.iter().map(|span| format::range(*span, "s"));
     let when = spans.collect::<Vec<_>>().join(" and ");
+    let even = if findings.is_empty() {
+        String::new()
+    } else {
+        format!(", even with {} in", names(findings))
+    };
     format!(
-        "The last 30 % of the recording, which no fit has seen, depart from what the rest says, most of all at {when}: something acts there that the rest does not show. If something touched the axis then, record again without; otherwise so that all levels of drive, speed and position come early and late."
+        "The last 30 % of the recording, which no fit has seen, depart from what the rest says{even}, most of all at {when}: something acts there that the rest does not show. If something touched the axis then, record again without; otherwise so that all levels of drive, speed and position come early and late."
     )
+}
+
+/// Names and ids of what was found.
+fn names(findings: &[Finding]) -> String {
+    let names = findings.iter().map(|f| format!("{} ({})", f.name, f.id));
+    names.collect::<Vec<_>>().join("; ")
 }
 
 fn verdict_sentence(
@@ -472,15 +485,11 @@ fn verdict_sentence(
     remains: Option<&Unexplained>,
     warnings: &[Warning],
 ) -> String {
-    let names: Vec<String> = findings
-        .iter()
-        .map(|f| format!("{} ({})", f.name, f.id))
-        .collect();
     match verdict {
         Verdict::Adequate if !warnings.is_empty() => "The model is adequate as far as this recording can tell, which the warnings limit: nothing significant is left out.".to_owned(),
         Verdict::Adequate => "The model is adequate: nothing significant is left out.".to_owned(),
         Verdict::Explained => {
-            let they = if names.len() > 1 { "them" } else { "it" };
+            let they = if findings.len() > 1 { "them" } else { "it" };
             let rest = match remains {
                 None => "nothing significant remains".to_owned(),
                 Some(rest) => format!(
@@ -495,15 +504,15 @@ fn verdict_sentence(
             };
             format!(
                 "The model leaves out: {}. With {they} in, {rest}.{doubt}",
-                names.join("; ")
+                names(findings)
             )
         }
         Verdict::Unknown => {
             let Some(unexplained) = remains else {
-                let even = if names.is_empty() {
+                let even = if findings.is_empty() {
                     String::new()
                 } else {
-                    format!(", even with {} in", names.join("; "))
+                    format!(", even with {} in", names(findings))
                 };
                 return format!(
                     "The model hardly predicts the motion{even}, and the recording is too noisy or too uniform to tell what is left out: record again with both directions, several speeds and reversals."
@@ -513,10 +522,10 @@ fn verdict_sentence(
                 .coordinates
                 .first()
                 .map_or("none of the coordinates alone", |c| c.0);
-            let found = if names.is_empty() {
+            let found = if findings.is_empty() {
                 String::new()
             } else {
-                format!(" besides {}", names.join("; "))
+                format!(" besides {}", names(findings))
             };
             format!(
                 "Something is left out{found} that no effect of the catalogue explains; it depends on {coordinate}."

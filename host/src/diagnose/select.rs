@@ -139,6 +139,7 @@ pub(super) fn select(
         selected.push(found);
         current = next;
         current = reexamine(scope, model, &mut selected, current, recordings)?;
+        scan::tell_later_ends(&bench.problem, &bench.noise, &mut current);
     }
     if from_nothing
         && !scope.fast

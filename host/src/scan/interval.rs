@@ -1,10 +1,13 @@
 //! The search for the interval in time in which a term acts.
 
 use super::{Found, Ground, set_inner};
+use crate::effects::{Inner, Search};
 use crate::error::Result;
-use crate::model::Term;
+use crate::model::{Model, Term};
+use crate::noise::Noise;
+use crate::problem::Problem;
 use crate::system;
-use crate::weak::Part;
+use crate::weak::{Part, TRAIN_SHARE};
 
 /// Blocks of time at whose borders an interval may begin and end.
 const BLOCKS: usize = 64;
@@ -59,40 +62,51 @@ impl Ground<'_> {
             return Ok(None);
         }
         if off == BLOCKS || guess.is_some() {
-            self.end_later(term, &mut found);
+            let mut model = self.model_with(term, found.inner);
+            self.extended(&model).decode(&found.score.beta, &mut model);
+            tell_later_ends(self.setting.problem, self.setting.noise, &mut model);
+            if let Some(last) = model.terms.last() {
+                found.inner = interval(last, &model);
+            }
         }
         Ok(guess.filter(|_| found.inner[1] <= end).or(Some(found)))
     }
+}
 
-    /// Where what is on at the end of the training part goes off in the held-out part, if it does: no past tells such an
-    /// instant, so it is read off there, with everything else as the training part says.
-    fn end_later(&self, term: &Term, found: &mut Found) {
-        let (from, to) = (self.training(), self.survey.duration);
-        let mut model = self.model_with(term, found.inner);
-        self.extended(&model).decode(&found.score.beta, &mut model);
+fn interval(term: &Term, model: &Model) -> Inner {
+    term.effect.linear(&system::values(term), model.scale()).0
+}
+
+/// Tells where the terms of a model that are on at the end of the training part go off in the held-out part, if they do: no past
+/// tells such an instant, so it is read off there, with everything else as the training part says.
+pub fn tell_later_ends(problem: &Problem, noise: &Noise, model: &mut Model) {
+    let to = problem.survey(model).duration;
+    let from = TRAIN_SHARE * to;
+    for k in 0..model.terms.len() {
+        let term = &model.terms[k];
+        let on = match (term.effect.search(), interval(term, model)) {
+            (Search::Interval, [on, off]) if off >= from => on,
+            _ => continue,
+        };
         let error = |off: f64| -> f64 {
             let mut model = model.clone();
-            if let Some(last) = model.terms.last_mut() {
-                set_inner(last, [found.inner[0], off]);
-            }
-            let z = self
-                .setting
-                .noise
-                .whiten(&system::residual(self.setting.problem, &model));
-            let rows = z.iter().zip(&self.setting.problem.rows);
-            rows.filter(|(_, row)| row.part == Part::HeldOut)
-                .map(|(z, _)| z * z)
-                .sum()
+            set_inner(&mut model.terms[k], [on, off]);
+            let z = noise.whiten(&system::residual(problem, &model));
+            let rows = z.iter().zip(&problem.rows);
+            let held_out = rows.filter(|(_, row)| row.part == Part::HeldOut);
+            held_out.map(|(z, _)| z * z).sum()
         };
-        let borders = (0..BLOCKS).map(|k| from + (to - from) * k as f64 / BLOCKS as f64);
-        let ends = borders.map(|off| (error(off), off));
-        let Some((least, off)) = ends.min_by(|a, b| a.0.total_cmp(&b.0)) else {
-            return;
+        let best = |(low, high): (f64, f64)| {
+            let borders = (0..=BLOCKS).map(|k| low + (high - low) * k as f64 / BLOCKS as f64);
+            let ends = borders.map(|off| (error(off), off));
+            ends.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, off)| off)
         };
-        let price =
-            2.0 * (BLOCKS as f64).ln() + (self.setting.problem.count(Part::HeldOut) as f64).ln();
-        if error(found.inner[1]) - least > price {
-            found.inner[1] = off;
-        }
+        let step = (to - from) / BLOCKS as f64;
+        let closer = |off: f64| best(((off - step).max(from), (off + step).min(to)));
+        let forever = term.effect.shape().map_or(to, |(_, forever)| forever);
+        let price = 2.0 * (BLOCKS as f64).ln() + (problem.count(Part::HeldOut) as f64).ln();
+        let ends = best((from, to)).and_then(closer);
+        let off = ends.filter(|off| error(forever) - error(*off) > price);
+        set_inner(&mut model.terms[k], [on, off.unwrap_or(forever)]);
     }
 }

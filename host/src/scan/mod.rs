@@ -18,6 +18,7 @@ use crate::problem::{Column, Problem};
 use crate::projection::Projection;
 use crate::system::{self, System};
 use crate::weak::{Part, TRAIN_SHARE};
+pub use interval::tell_later_ends;
 pub use memo::Memo;
 
 /// What the recordings give, whatever the model.
