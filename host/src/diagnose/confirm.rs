@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::leftover;
-use super::select::{self, Scope, Selection};
+use super::select::{self, Scope, Selected, Selection};
 use super::trial::{Trial, students_t};
 use super::whitened;
 use crate::error::Result;
@@ -149,46 +149,68 @@ fn outpredicted(
 
 /// Drops effects that are too small to count, in what they do or in what they do beyond what the rest of the model makes up for
 /// without them, and those without which the held-out part is predicted as well: weak-form error and free run both count, as far
-/// as the axis moves enough there for them to tell, and the effect acts there at all. A load that came and went before is left
-/// to the cross-validation.
+/// as the axis moves enough there for them to tell. Of a load that came and went before, the weak form tells nothing there.
+/// One at a time, that first without which free runs err least: beside one that spoils them others may seem to.
 fn confirm(
     bench: &Workbench,
     before: &Model,
     ((mut selected, mut after), mut with_it): (Selection, Parts),
     recordings: &[Recording],
 ) -> Result<Selection> {
-    let few = bench.problem.count(Part::HeldOut) < FEWEST_HELD_OUT;
-    let run = |model: &Model| fit::parts(model, recordings, &bench.problem.tracks);
-    let mut k = selected.len();
-    while k > 0 {
-        k -= 1;
-        let term = before.terms.len() + k;
-        let lacking = select::without(&after, term);
-        let (z, z_lacking) = (whitened(bench, &after), whitened(bench, &lacking));
-        let counts = leftover::differs(bench, &after, &lacking);
-        let dominates = selected[k].trial.gain.share >= DOMINANT;
-        if counts && dominates && !HeldOut::between(bench, &z, &z_lacking).tells() {
-            continue;
-        }
-        // What the rest cannot be fitted without stays.
-        let Ok((without, _)) = bench.estimate(&lacking) else {
-            continue;
+    loop {
+        let refuted = |k: usize| {
+            refuted(
+                bench,
+                before,
+                (&selected[k], k),
+                (&after, &with_it),
+                recordings,
+            )
         };
-        let counts = counts && leftover::differs(bench, &after, &without);
-        let held_out = HeldOut::between(bench, &z, &whitened(bench, &without));
-        let weak_form_helps = few || held_out.fall > 0.0;
-        let chance = if !few && held_out.shows_again() {
-            BY_CHANCE
-        } else {
-            0.0
+        let refuted: Result<Vec<_>> = (0..selected.len()).into_par_iter().map(refuted).collect();
+        let refuted = refuted?.into_iter().enumerate();
+        let refuted = refuted.filter_map(|(k, without)| Some((k, without?)));
+        let error = |(_, (_, run)): &(usize, (Model, Parts))| run.held_out().nrmse;
+        let Some((k, without)) = refuted.min_by(|a, b| error(a).total_cmp(&error(b))) else {
+            return Ok((selected, after));
         };
-        let without_it = run(&without)?;
-        if !counts || !weak_form_helps || worsens(&with_it, &without_it, after.causality, chance) {
-            selected.remove(k);
-            (after, with_it) = (without, without_it);
-        }
+        selected.remove(k);
+        (after, with_it) = without;
     }
-    Ok((selected, after))
+}
+
+/// The model without a selected effect, with its free runs, if the held-out part refutes that effect.
+fn refuted(
+    bench: &Workbench,
+    before: &Model,
+    (selected, k): (&Selected, usize),
+    (after, with_it): (&Model, &Parts),
+    recordings: &[Recording],
+) -> Result<Option<(Model, Parts)>> {
+    let lacking = select::without(after, before.terms.len() + k);
+    // What the rest cannot be fitted without stays.
+    let Ok((without, _)) = bench.estimate(&lacking) else {
+        return Ok(None);
+    };
+    let z = whitened(bench, after);
+    let counts = leftover::differs(bench, after, &lacking);
+    let dominates = selected.trial.gain.share >= DOMINANT;
+    let acts = HeldOut::between(bench, &z, &whitened(bench, &lacking)).tells();
+    let few = bench.problem.count(Part::HeldOut) < FEWEST_HELD_OUT;
+    let held_out = HeldOut::between(bench, &z, &whitened(bench, &without));
+    let holds = if counts && dominates && !acts {
+        true
+    } else {
+        counts && leftover::differs(bench, after, &without) && (few || held_out.fall > 0.0)
+    };
+    let chance = if !few && held_out.shows_again() {
+        BY_CHANCE
+    } else {
+        0.0
+    };
+    let without_it = fit::parts(&without, recordings, &bench.problem.tracks)?;
+    let stays = holds && !worsens(with_it, &without_it, after.causality, chance);
+    Ok((!stays).then_some((without, without_it)))
 }
 
 /// By which factor the RMS of the whitened residual in the held-out part exceeds that in the training part; 1 with too few

@@ -16,6 +16,8 @@ use crate::scan;
 
 /// Most pairs that are fitted in earnest: their order by the linear columns is rough, as inner parameters move.
 const MOST: usize = 5;
+/// Times that either of two is sought anew beside the other, by turns.
+const TURNS: usize = 6;
 
 /// Two effects that together explain what `model` leaves out better than a selection does: by as much as a further effect
 /// must where the selection has fewer, or else by the evidence alone. Each is the best one to add to the other. `alone` is what
@@ -114,25 +116,41 @@ fn promising(
     Ok(pairs.iter().take(MOST).map(two).collect())
 }
 
-/// The two as a selection, if each is the best effect to add to the other.
+/// The two as a selection, if each is the best effect to add to the other, or what took the place of one is.
 fn beside_each_other(
     scope: &Scope,
     model: &Model,
     two: &[Trial; 2],
-    with: Model,
+    mut with: Model,
     recordings: &[Recording],
 ) -> Result<Option<Selection>> {
-    let mut selection = Vec::new();
-    for (k, trial) in two.iter().enumerate() {
-        let lacking = select::without(&with, model.terms.len() + k);
+    let mut selection: [Option<Selected>; 2] = [None, None];
+    let mut ids = [0, 1].map(|k: usize| two[k].effect.id());
+    for turn in 0..TURNS {
+        let k = turn % 2;
+        let term = model.terms.len() + k;
+        let lacking = select::without(&with, term);
         let Ok((lacking, _)) = scope.bench.estimate(&lacking) else {
             return Ok(None);
         };
-        let id = trial.effect.id();
-        match select::best(scope, &lacking, |effect| effect.id() == id, recordings)? {
-            Some(found) if found.trial.effect.id() == id => selection.push(found),
-            _ => return Ok(None),
+        let own = ids[k];
+        let found = select::best(scope, &lacking, |effect| effect.id() == own, recordings)?;
+        let Some(found) = found else {
+            return Ok(None);
+        };
+        let id = found.trial.effect.id();
+        if id != own {
+            let instead = select::with_trial_at(term, &lacking, &found.trial);
+            let Ok((instead, _)) = scope.bench.estimate(&instead) else {
+                return Ok(None);
+            };
+            (with, ids[k]) = (instead, id);
+            selection[1 - k] = None;
+        }
+        selection[k] = Some(found);
+        if let [Some(first), Some(second)] = &selection {
+            return Ok(Some((vec![first.clone(), second.clone()], with)));
         }
     }
-    Ok(Some((selection, with)))
+    Ok(None)
 }

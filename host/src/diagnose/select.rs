@@ -12,6 +12,7 @@ use crate::fit::{self, Parts};
 use crate::identify::{self, Workbench};
 use crate::model::Model;
 use crate::recording::Recording;
+use crate::weak::Part;
 use crate::{scan, system};
 
 /// Share by which the cross-validated squared error must fall: 10 % of the RMS error. Reversals and coloured noise
@@ -395,22 +396,35 @@ fn reexamine(
             Some(same) if same.trial.effect.id() == selected[k].trial.effect.id() => k += 1,
             Some(rival) => {
                 let next = with_trial_at(term, &lacking, &rival.trial);
-                if let Ok((next, _)) = scope.bench.estimate(&next) {
+                if let Ok((next, _)) = scope.bench.estimate(&next)
+                    && !spoils(scope, (&next, &current), recordings)?
+                {
                     (selected[k], current) = (rival, next);
                 }
                 k += 1;
             }
             None => match scope.bench.estimate(&lacking) {
-                Ok((next, _)) => {
+                Ok((next, _)) if !spoils(scope, (&next, &current), recordings)? => {
                     selected.remove(k);
                     current = next;
                 }
-                // The rest cannot be fitted without it.
-                Err(_) => k += 1,
+                // The rest cannot be fitted without it, or predicts nothing.
+                _ => k += 1,
             },
         }
     }
     Ok(current)
+}
+
+/// Whether free runs of the training part err by more than twice the squared error with a model in the place of another.
+fn spoils(
+    scope: &Scope,
+    (next, current): (&Model, &Model),
+    recordings: &[Recording],
+) -> Result<bool> {
+    let tracks = &scope.bench.problem.tracks;
+    let error = |model: &Model| fit::part(Part::Train, model, recordings, tracks);
+    Ok(error(current)?.halves(&error(next)?))
 }
 
 /// What takes the place of a selected effect in a model that lacks it: the effect itself where it is still needed, a rival with
