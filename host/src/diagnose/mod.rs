@@ -29,7 +29,7 @@ use crate::model::{Model, Term};
 use crate::recording::Recording;
 use crate::system;
 use crate::weak::Part;
-use confirm::confirmed;
+use confirm::{HeldOut, confirmed};
 use findings::findings;
 use leftover::Leftover;
 use select::{Scope, Selected, Selection};
@@ -344,7 +344,7 @@ fn search(
 /// Errors say how far an estimate is from where the effect is none as if the way there was straight. Where it is not, as for the
 /// exponent of a power law, which next to zero is Coulomb friction, they say so little that evidence beyond doubt may come with
 /// an estimate in doubt (Hauck and Donner, Journal of the American Statistical Association 72, 1977). So no errors refute an
-/// effect that halves the squared error of free runs on both parts.
+/// effect that halves the squared error of free runs on both parts, nor a load that shows again in the held-out part.
 fn refuted_by_itself(
     bench: &Workbench,
     settled: &Model,
@@ -371,7 +371,7 @@ fn refuted_by_itself(
     Ok(None)
 }
 
-/// Whether a term halves the squared error of free runs on both parts.
+/// Whether a term halves the squared error of free runs on both parts, or is a load that the held-out rows show again.
 fn predicts(
     bench: &Workbench,
     model: &Model,
@@ -381,6 +381,10 @@ fn predicts(
     let Ok((without, _)) = bench.estimate(&select::without(model, term)) else {
         return Ok(true);
     };
+    let loads = model.terms[term].effect.divides();
+    if loads && HeldOut::of(bench, model, &without).shows_again() {
+        return Ok(true);
+    }
     let before = fit::parts(&without, recordings, &bench.problem.tracks)?;
     confirm::halves(bench, model, &before, recordings)
 }
