@@ -110,7 +110,8 @@ const AT_REVERSALS: [&str; 4] = ["stribeck", "presliding", "backlash", "complian
 const QUIETER: f64 = 0.5;
 
 /// One diagnosis over all windows of a workbench. Noise is what generic functions leave beside the baseline: where what is found
-/// leaves much less of it, they did not follow that, and with noise told beside it what else is left out has more evidence.
+/// leaves much less of it, they did not follow that, and with noise told beside it what else is left out has more evidence. What is
+/// found then must not predict worse: a noise that is told to be next to none makes much of what is next to nothing.
 fn diagnosed(
     bench: &Workbench,
     baseline: &Identified,
@@ -124,8 +125,10 @@ fn diagnosed(
     if quieter && !found.selection.0.is_empty() {
         progress("telling noise anew, beside what was found");
         let quieter = bench.with_noise_beside(after)?;
-        let found = self::found(&quieter, &baseline.model, recordings, progress)?;
-        return concluded(&quieter, baseline, recordings, found, progress);
+        let again = self::found(&quieter, &baseline.model, recordings, progress)?;
+        if !held_out(bench, &found, recordings)?.halves(&held_out(bench, &again, recordings)?) {
+            return concluded(&quieter, baseline, recordings, again, progress);
+        }
     }
     concluded(bench, baseline, recordings, found, progress)
 }
@@ -286,10 +289,19 @@ fn found(
         return Ok(found);
     }
     let without = search(bench, before, recordings, false, progress)?;
-    let tracks = &bench.problem.tracks;
-    let error = |found: &Found| fit::part(Part::HeldOut, &found.settled, recordings, tracks);
-    let predicts = error(&found)?.nrmse < sharpen::LOAD_LEAVES * error(&without)?.nrmse;
+    let error = |found: &Found| -> Result<f64> { Ok(held_out(bench, found, recordings)?.nrmse) };
+    let predicts = error(&found)? < sharpen::LOAD_LEAVES * error(&without)?;
     Ok(if predicts { found } else { without })
+}
+
+/// The error of held-out free runs with what was found.
+fn held_out(bench: &Workbench, found: &Found, recordings: &[Recording]) -> Result<fit::Error> {
+    fit::part(
+        Part::HeldOut,
+        &found.settled,
+        recordings,
+        &bench.problem.tracks,
+    )
 }
 
 /// The search, repeated without the effect that its own errors refute most as long as there is one; with the encoder on the
