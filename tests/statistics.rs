@@ -191,6 +191,21 @@ fn two_effects_at_once_are_named() {
             High,
             ["direction-asymmetry", "sensor-eccentricity"],
         ),
+        // Of the two that were tried together, one was better replaced.
+        (78_500_075, 0.3, Medium, ["backlash", "presliding"]),
+        // Beside a third that spoils the prediction, the saturation seemed to spoil it.
+        (78_500_198, 0.1, Low, ["saturation", "stribeck"]),
+        // What narrow windows show put an end to what wider ones had shown.
+        (
+            78_500_161,
+            0.3,
+            High,
+            ["presliding", "periodic-disturbance"],
+        ),
+        // Noise that is told to be next to none makes much of a third.
+        (79_500_039, 0.3, Medium, ["power-law-viscous", "cogging"]),
+        // A gap with a large error, which the held-out part shows all the same.
+        (78_500_154, 0.1, High, ["saturation", "backlash"]),
     ] {
         let recipe = Recipe::with_effects(seed, &two, size, noise);
         let (_, outcome, _) = examine(&recipe);
