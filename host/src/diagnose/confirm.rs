@@ -158,17 +158,11 @@ fn confirm(
     recordings: &[Recording],
 ) -> Result<Selection> {
     loop {
-        let refuted = |k: usize| {
-            refuted(
-                bench,
-                before,
-                (&selected[k], k),
-                (&after, &with_it),
-                recordings,
-            )
-        };
-        let refuted: Result<Vec<_>> = (0..selected.len()).into_par_iter().map(refuted).collect();
-        let refuted = refuted?.into_iter().enumerate();
+        let now = (&after, &with_it);
+        let each = selected.par_iter().enumerate();
+        let each = each.map(|selected| refuted(bench, before, selected, now, recordings));
+        let each: Result<Vec<_>> = each.collect();
+        let refuted = each?.into_iter().enumerate();
         let refuted = refuted.filter_map(|(k, without)| Some((k, without?)));
         let error = |(_, (_, run)): &(usize, (Model, Parts))| run.held_out().nrmse;
         let Some((k, without)) = refuted.min_by(|a, b| error(a).total_cmp(&error(b))) else {
@@ -183,7 +177,7 @@ fn confirm(
 fn refuted(
     bench: &Workbench,
     before: &Model,
-    (selected, k): (&Selected, usize),
+    (k, selected): (usize, &Selected),
     (after, with_it): (&Model, &Parts),
     recordings: &[Recording],
 ) -> Result<Option<(Model, Parts)>> {
@@ -198,11 +192,8 @@ fn refuted(
     let acts = HeldOut::between(bench, &z, &whitened(bench, &lacking)).tells();
     let few = bench.problem.count(Part::HeldOut) < FEWEST_HELD_OUT;
     let held_out = HeldOut::between(bench, &z, &whitened(bench, &without));
-    let holds = if counts && dominates && !acts {
-        true
-    } else {
-        counts && leftover::differs(bench, after, &without) && (few || held_out.fall > 0.0)
-    };
+    let shows = || leftover::differs(bench, after, &without) && (few || held_out.fall > 0.0);
+    let holds = counts && (dominates && !acts || shows());
     let chance = if !few && held_out.shows_again() {
         BY_CHANCE
     } else {

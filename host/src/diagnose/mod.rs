@@ -211,11 +211,7 @@ fn concluded(
     let place = locate::locate(bench, before, &z_before, &z_after);
     let text = match given {
         Some(given) => given_sentence(&given),
-        None if departs && remains.is_none() => {
-            let z = whitened(bench, &after);
-            let when = locate::locate(bench, &after, &z, &vec![1.0; z.len()]);
-            departure_sentence(&findings, &when)
-        }
+        None if departs && remains.is_none() => departure_sentence(bench, &after, &findings),
         None => verdict_sentence(verdict, &findings, remains, &warnings),
     };
     let diagnosis = Diagnosis {
@@ -476,7 +472,9 @@ fn given_sentence(given: &str) -> String {
 }
 
 /// What to say of a held-out part that is unlike the rest.
-fn departure_sentence(findings: &[Finding], place: &Where) -> String {
+fn departure_sentence(bench: &Workbench, after: &Model, findings: &[Finding]) -> String {
+    let z = whitened(bench, after);
+    let place = locate::locate(bench, after, &z, &vec![1.0; z.len()]);
     let spans = place.time.iter().map(|span| format::range(*span, "s"));
     let when = spans.collect::<Vec<_>>().join(" and ");
     let even = if findings.is_empty() {
