@@ -158,7 +158,8 @@ fn confirm(
     recordings: &[Recording],
 ) -> Result<Selection> {
     loop {
-        let now = (&after, &with_it);
+        let z = whitened(bench, &after);
+        let now = (&after, z.as_slice(), &with_it);
         let each = selected.par_iter().enumerate();
         let each = each.map(|selected| refuted(bench, before, selected, now, recordings));
         let each: Result<Vec<_>> = each.collect();
@@ -173,12 +174,13 @@ fn confirm(
     }
 }
 
-/// The model without a selected effect, with its free runs, if the held-out part refutes that effect.
+/// The model without a selected effect, with its free runs, if the held-out part refutes that effect. `z` is the whitened residual
+/// with it.
 fn refuted(
     bench: &Workbench,
     before: &Model,
     (k, selected): (usize, &Selected),
-    (after, with_it): (&Model, &Parts),
+    (after, z, with_it): (&Model, &[f64], &Parts),
     recordings: &[Recording],
 ) -> Result<Option<(Model, Parts)>> {
     let lacking = select::without(after, before.terms.len() + k);
@@ -186,12 +188,11 @@ fn refuted(
     let Ok((without, _)) = bench.estimate(&lacking) else {
         return Ok(None);
     };
-    let z = whitened(bench, after);
     let counts = leftover::differs(bench, after, &lacking);
     let dominates = selected.trial.gain.share >= DOMINANT;
-    let acts = HeldOut::between(bench, &z, &whitened(bench, &lacking)).tells();
+    let acts = HeldOut::between(bench, z, &whitened(bench, &lacking)).tells();
     let few = bench.problem.count(Part::HeldOut) < FEWEST_HELD_OUT;
-    let held_out = HeldOut::between(bench, &z, &whitened(bench, &without));
+    let held_out = HeldOut::between(bench, z, &whitened(bench, &without));
     let shows = || leftover::differs(bench, after, &without) && (few || held_out.fall > 0.0);
     let holds = counts && (dominates && !acts || shows());
     let chance = if !few && held_out.shows_again() {

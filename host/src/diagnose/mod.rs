@@ -126,7 +126,8 @@ fn diagnosed(
         progress("telling noise anew, beside what was found");
         let quieter = bench.with_noise_beside(after)?;
         let again = self::found(&quieter, &baseline.model, recordings, progress)?;
-        if !held_out(bench, &found, recordings)?.halves(&held_out(bench, &again, recordings)?) {
+        let error = |found: &Found| held_out(bench, &found.settled, recordings);
+        if !error(&found)?.halves(&error(&again)?) {
             return concluded(&quieter, baseline, recordings, again, progress);
         }
     }
@@ -285,19 +286,14 @@ fn found(
         return Ok(found);
     }
     let without = search(bench, before, recordings, false, progress)?;
-    let error = |found: &Found| -> Result<f64> { Ok(held_out(bench, found, recordings)?.nrmse) };
-    let predicts = error(&found)? < sharpen::LOAD_LEAVES * error(&without)?;
+    let error = |found: &Found| held_out(bench, &found.settled, recordings);
+    let predicts = error(&found)?.nrmse < sharpen::LOAD_LEAVES * error(&without)?.nrmse;
     Ok(if predicts { found } else { without })
 }
 
-/// The error of held-out free runs with what was found.
-fn held_out(bench: &Workbench, found: &Found, recordings: &[Recording]) -> Result<fit::Error> {
-    fit::part(
-        Part::HeldOut,
-        &found.settled,
-        recordings,
-        &bench.problem.tracks,
-    )
+/// The error of held-out free runs.
+fn held_out(bench: &Workbench, model: &Model, recordings: &[Recording]) -> Result<fit::Error> {
+    fit::part(Part::HeldOut, model, recordings, &bench.problem.tracks)
 }
 
 /// The search, repeated without the effect that its own errors refute most as long as there is one; with the encoder on the

@@ -124,10 +124,10 @@ fn beside_each_other(
     mut with: Model,
     recordings: &[Recording],
 ) -> Result<Option<Selection>> {
-    let mut selection: [Option<Selected>; 2] = [None, None];
     let mut ids = [0, 1].map(|k: usize| two[k].effect.id());
-    for turn in 0..TURNS {
-        let k = turn % 2;
+    // The other one, as it was found beside the present one.
+    let mut other: Option<Selected> = None;
+    for k in [0, 1].into_iter().cycle().take(TURNS) {
         let term = model.terms.len() + k;
         let lacking = select::without(&with, term);
         let Ok((lacking, _)) = scope.bench.estimate(&lacking) else {
@@ -138,19 +138,19 @@ fn beside_each_other(
         let Some(found) = found else {
             return Ok(None);
         };
-        let id = found.trial.effect.id();
-        if id != own {
+        ids[k] = found.trial.effect.id();
+        if ids[k] != own {
             let instead = select::with_trial_at(term, &lacking, &found.trial);
             let Ok((instead, _)) = scope.bench.estimate(&instead) else {
                 return Ok(None);
             };
-            (with, ids[k]) = (instead, id);
-            selection[1 - k] = None;
+            with = instead;
+        } else if let Some(other) = other {
+            let mut both = vec![other, found];
+            both.rotate_right(1 - k);
+            return Ok(Some((both, with)));
         }
-        selection[k] = Some(found);
-        if let [Some(first), Some(second)] = &selection {
-            return Ok(Some((vec![first.clone(), second.clone()], with)));
-        }
+        other = Some(found);
     }
     Ok(None)
 }

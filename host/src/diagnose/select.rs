@@ -424,11 +424,8 @@ fn spoils(
     recordings: &[Recording],
 ) -> Result<bool> {
     let tracks = &scope.bench.problem.tracks;
-    if !scope.fast {
-        return Ok(false);
-    }
     let error = |model: &Model| fit::part(Part::Train, model, recordings, tracks);
-    Ok(error(current)?.halves(&error(next)?))
+    Ok(scope.fast && error(current)?.halves(&error(next)?))
 }
 
 /// What takes the place of a selected effect in a model that lacks it: the effect itself where it is still needed, a rival with

@@ -6,15 +6,14 @@
 use rayon::prelude::*;
 
 use super::confirm::{HeldOut, confirmed};
+use super::held_out;
 use super::select::{self, FLOOR, LEAST_DELTA_BIC, Scope, Selection};
 use super::trial::{Base, Trial};
 use crate::effects::{Effect, Quantity, Survey};
 use crate::error::{Error, Result};
-use crate::fit;
 use crate::identify::Workbench;
 use crate::model::{Model, Term};
 use crate::recording::Recording;
-use crate::weak::Part;
 
 /// Windows so many times narrower are tried: they pass up to so many times the frequency. Encoder noise in the acceleration
 /// grows by its power 5/2.
@@ -224,8 +223,7 @@ impl Closer<'_> {
 
     /// Error of held-out free runs.
     fn error(&self, model: &Model) -> Result<f64> {
-        let tracks = &self.usual.problem.tracks;
-        Ok(fit::part(Part::HeldOut, model, self.recordings, tracks)?.nrmse)
+        Ok(held_out(self.usual, model, self.recordings)?.nrmse)
     }
 }
 
