@@ -207,8 +207,9 @@ fn hanging(model: &Model) -> Option<(&'static dyn Effect, Inner)> {
 /// What hangs behind the driven side, which a load without inertia does not; refuses two loads, and one that is all of the
 /// inertia.
 fn coupling(model: &Model, inertia: f64) -> Result<Option<Coupling>> {
+    let coulomb = model.coulomb.value.unwrap_or_default();
     let of = |t: &Term| {
-        let coupling = t.effect.coupling(&system::values(t), inertia)?;
+        let coupling = t.effect.coupling(&system::values(t), inertia, coulomb)?;
         Some((t.effect.id(), coupling))
     };
     let mut all = model.terms.iter().filter_map(of);
@@ -346,7 +347,7 @@ impl Axis {
         for k in 1..v.len() {
             q[k] = q[k - 1] + 0.5 * (v[k - 1] + v[k]) * period;
         }
-        let relative = effect.load(inner, &q, v, period);
+        let relative = effect.load(inner, &q, v, period).ahead;
         let last = relative.len() - 1;
         let rate = |k: usize| {
             let (a, b) = (k.saturating_sub(1), (k + 1).min(last));

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
-use crate::effects::{Effect, Inner, Path, Point, Survey, Wave};
+use crate::effects::{Carried, Effect, Inner, Path, Point, Survey, Wave};
 use crate::model::Model;
 use crate::motion::Motion;
 use crate::phasor;
@@ -436,10 +436,19 @@ impl Problem {
         signals
     }
 
-    /// Mean acceleration, relative to the measured position, of the load that an effect hangs on the axis.
+    /// Mean acceleration, relative to the measured position, of the load that an effect hangs on the axis, with what its own
+    /// friction adds.
     pub fn load(&self, effect: &'static dyn Effect, inner: Inner) -> Vec<Column> {
         self.cached((effect.id(), inner.map(f64::to_bits).to_vec()), || {
-            vec![self.stack(|t, w| w.acceleration(&effect.load(inner, &t.q, &t.v, t.period)))]
+            vec![self.stack(|t, w| {
+                let Carried { ahead, resisting } = effect.load(inner, &t.q, &t.v, t.period);
+                let mut sum = w.acceleration(&ahead);
+                if !resisting.is_empty() {
+                    let friction = w.hold(t, &resisting[..w.cells(t)]);
+                    sum.iter_mut().zip(friction).for_each(|(s, f)| *s += f);
+                }
+                sum
+            })]
         })
     }
 
@@ -476,8 +485,11 @@ impl Problem {
     /// # Panics
     /// Without a single recording.
     pub fn survey(&self, model: &Model) -> Survey {
+        let inertia = model.parameters()[model.moving_inertia()].value;
+        let inertia = inertia.unwrap_or(f64::INFINITY);
         Survey {
             level: model.level_at_rest(),
+            deceleration: model.level_at_rest() / inertia.max(f64::MIN_POSITIVE),
             ..*self.survey.get_or_init(|| self.all_tracks())
         }
     }
@@ -499,6 +511,7 @@ impl Problem {
                 input: (a.input.0.max(b.input.0), a.input.1.max(b.input.1)),
                 position_noise: a.position_noise.max(b.position_noise),
                 level: a.level,
+                deceleration: a.deceleration,
             })
             .expect("at least one recording")
     }

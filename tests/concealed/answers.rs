@@ -1,5 +1,6 @@
 //! What the diagnosis says of each recording, which is all that it sees.
 
+use std::fs;
 use std::path::Path;
 
 use bristle::diagnose::{Verdict, diagnose};
@@ -10,7 +11,7 @@ use bristle::recording::Recording;
 use indicatif::{ParallelProgressIterator, ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 
-use crate::labels::{Kind, Label};
+use crate::labels::{HEADER, Kind, Label};
 use crate::plants::{baseline_toml, keep, simulate};
 
 /// A case with the answer to it.
@@ -103,6 +104,26 @@ fn say(recording: &[Recording], baseline: &str) -> Said {
             }
         }
     }
+}
+
+/// Writes what was said of each case into a folder: the label, the verdict, the findings, and the held-out error of the baseline,
+/// of the final model and of the true structure.
+pub fn write(answers: &[Answer], folder: &Path) -> Result<(), String> {
+    let mut lines = format!("{HEADER},verdict,findings,before,after,true_model\n");
+    for Answer {
+        label,
+        said,
+        true_model,
+    } in answers
+    {
+        let findings: Vec<&str> = said.findings.iter().map(|f| f.0).collect();
+        let [before, after] = said.held_out;
+        let truth = true_model.unwrap_or(f64::NAN);
+        let (label, verdict, findings) = (label.line(), said.verdict, findings.join("+"));
+        lines += &format!("{label},{verdict:?},{findings},{before:.4},{after:.4},{truth:.4}\n");
+    }
+    let path = folder.join("answers.csv");
+    fs::write(&path, lines).map_err(|e| format!("{}: {e}", path.display()))
 }
 
 fn true_model(label: &Label, recording: &[Recording], baseline: &str) -> Option<f64> {

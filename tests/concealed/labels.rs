@@ -36,7 +36,8 @@ pub enum Kind {
 
 const SIZES: [f64; 3] = [0.03, 0.10, 0.30];
 const NOISES: [Noise; 3] = [Noise::Low, Noise::Medium, Noise::High];
-const HEADER: &str = "seed,effects,size,noise,inertia_given";
+/// The fields of a line.
+pub const HEADER: &str = "seed,effects,size,noise,inertia_given";
 
 impl Label {
     pub fn kind(&self) -> Kind {
@@ -52,7 +53,7 @@ impl Label {
         Recipe::with_effects(self.seed, &self.effects, self.size, self.noise)
     }
 
-    fn line(&self) -> String {
+    pub fn line(&self) -> String {
         let effects = self.effects.join("+");
         let given = u8::from(self.inertia_given);
         format!(

@@ -2,7 +2,7 @@
 //!
 //! `cargo run --release --example concealed [-- --skip N --first N]` makes the recordings that `labels.csv` describes, lets the
 //! diagnosis see nothing of each but the recording and a baseline, and only then opens the labels and prints what it got
-//! right; `--dump FOLDER` keeps each recording and its baseline to look at. The file's SHA-256 must be the one in
+//! right; `--dump FOLDER` keeps each recording with its baseline, and all answers in `answers.csv`, to look at. The file's SHA-256 must be the one in
 //! `labels.sha256`, which was committed before the first run. `-- --seal N` draws N new cases from the operating system's
 //! randomness and writes both files.
 //!
@@ -44,7 +44,10 @@ fn main() -> ExitCode {
 fn run(skip: usize, first: usize, dump: Option<&Path>) -> Result<(), String> {
     let labels = labels::open()?;
     let cases: Vec<_> = labels.into_iter().skip(skip).take(first).collect();
+    if let Some(folder) = dump {
+        std::fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+    }
     let answers = answers::all(&cases, dump);
     tables::print(&answers);
-    Ok(())
+    dump.map_or(Ok(()), |folder| answers::write(&answers, folder))
 }

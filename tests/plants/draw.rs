@@ -204,7 +204,13 @@ impl Basis<'_> {
             "backlash" => {
                 let share = between(rng, 0.3, 0.8);
                 let travel = (self.look.hi - self.look.lo).min(6.0);
-                (Law::Backlash { share }, 0.05 * size * travel)
+                // A load in bearings of its own has friction of its own, one that sits on the shaft next to none.
+                let friction = if rng.random_bool(0.5) {
+                    between(rng, 0.1, 0.8)
+                } else {
+                    0.0
+                };
+                (Law::Backlash { share, friction }, 0.05 * size * travel)
             }
             "actuator-lag" => (Law::ActuatorLag, 1e-3 + 0.02 * size),
             "inertia-mismatch" => (Law::InertiaMismatch { side: sign(rng) }, size),

@@ -122,9 +122,11 @@ pub(super) enum Law {
         share: f64,
         damping: f64,
     },
-    /// `x`: play in all; `share`: of the inertia. Applied by the integrator.
+    /// `x`: play in all; `share`: of the inertia; `friction`: share of the friction that is the load's. Applied by the
+    /// integrator.
     Backlash {
         share: f64,
+        friction: f64,
     },
     /// `x`: share by which the inertia of the model file is off. Nothing of it is in the motion.
     InertiaMismatch {
@@ -280,7 +282,11 @@ impl Effect {
                 ("load_share", share),
                 ("damping_ratio", damping),
             ],
-            Law::Backlash { share } => vec![("gap", x), ("load_share", share)],
+            Law::Backlash { share, friction } => vec![
+                ("gap", x),
+                ("load_share", share),
+                ("load_friction_share", friction),
+            ],
             Law::ActuatorLag => vec![("time_constant", x)],
             Law::InertiaMismatch { side } => vec![("true_over_given", (side * x).exp())],
             Law::SensorEccentricity { phase } => vec![("amplitude", x), ("phase", phase)],

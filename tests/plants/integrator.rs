@@ -37,6 +37,12 @@ pub struct State {
     pub load_v: f64,
 }
 
+/// What moves by itself: its inertia, and its share of the friction.
+struct Side {
+    inertia: f64,
+    friction: f64,
+}
+
 impl Axis {
     /// An axis with Coulomb and viscous friction and nothing else.
     pub fn plain(inertia: f64, coulomb: f64, viscous: f64) -> Self {
@@ -61,15 +67,25 @@ impl Axis {
             torque += effect.external(q, x.v, t + 0.5 * h);
         }
         torque -= self.spring(x, h);
-        let free = x.v + h / self.own_inertia() * torque;
         let at = Place {
             q,
             t: t + 0.5 * h,
             load,
         };
+        if let Some(together) = self.together(x, torque, &at, h) {
+            return together;
+        }
+        let own = self.own_inertia();
+        let free = x.v + h / own * torque;
         let (v, z, bristle) = match self.bristle() {
             Some(law) => self.bend(x, &law, free, &at, h),
-            None => (self.project(x.v, free, &at, h), 0.0, 0.0),
+            None => {
+                let side = Side {
+                    inertia: own,
+                    friction: 1.0 - self.load_friction(),
+                };
+                (self.project(x.v, free, &at, h, &side), 0.0, 0.0)
+            }
         };
         let next = State {
             q: x.q + 0.5 * h * (x.v + v),
@@ -78,16 +94,62 @@ impl Axis {
             bristle,
             ..*x
         };
-        self.carry(x, next, h)
+        self.carry(x, next, &at, h)
+    }
+
+    /// The step of both sides of a play where the measured one pushes the load before it, or rests against it.
+    fn together(&self, x: &State, torque: f64, at: &Place, h: f64) -> Option<State> {
+        let half = 0.5 * self.play()?;
+        let ahead = x.load_q - x.q;
+        if ahead.abs() < half * (1.0 - 1e-9) || x.load_v != x.v || self.bristle().is_some() {
+            return None;
+        }
+        let both = Side {
+            inertia: self.inertia,
+            friction: 1.0,
+        };
+        let v = self.project(x.v, x.v + h / self.inertia * torque, at, h, &both);
+        let mean = 0.5 * (x.v + v);
+        let push = if v == 0.0 {
+            torque
+        } else {
+            let braked = self.load_friction() * self.friction(mean.abs(), v.signum(), at);
+            self.load_inertia() * (v - x.v) / h + braked * v.signum()
+        };
+        (push * ahead <= 0.0).then_some(State {
+            q: x.q + h * mean,
+            v,
+            load_q: x.load_q + h * mean,
+            load_v: v,
+            ..*x
+        })
     }
 
     /// Inertia behind the measured side.
     pub fn load_inertia(&self) -> f64 {
         let share = |e: &Effect| match e.law {
-            Law::Compliance { share, .. } | Law::Backlash { share } => share,
+            Law::Compliance { share, .. } | Law::Backlash { share, .. } => share,
             _ => 0.0,
         };
         self.inertia * self.effects.iter().map(share).sum::<f64>()
+    }
+
+    /// Share of the friction that a load beyond a play has, if bristles do not carry it.
+    fn load_friction(&self) -> f64 {
+        let share = |e: &Effect| match e.law {
+            Law::Backlash { friction, .. } => friction,
+            _ => 0.0,
+        };
+        if self.bristle().is_some() {
+            return 0.0;
+        }
+        self.effects.iter().map(share).sum()
+    }
+
+    /// The play between both sides, where there is one.
+    fn play(&self) -> Option<f64> {
+        let mut plays = self.effects.iter();
+        plays.find_map(|e| matches!(e.law, Law::Backlash { .. }).then_some(e.x))
     }
 
     fn own_inertia(&self) -> f64 {
@@ -110,18 +172,22 @@ impl Axis {
 
     /// Moves the load: by its spring, or freely up to the walls of its play, where it and the measured side go on together
     /// with their momentum (Moreau's inelastic impact).
-    fn carry(&self, before: &State, mut next: State, h: f64) -> State {
+    fn carry(&self, before: &State, mut next: State, at: &Place, h: f64) -> State {
         let load = self.load_inertia();
         if load == 0.0 {
             return next;
         }
         next.load_v += h / load * self.spring(before, h);
+        let side = Side {
+            inertia: load,
+            friction: self.load_friction(),
+        };
+        if side.friction > 0.0 {
+            next.load_v = self.project(before.load_v, next.load_v, at, h, &side);
+        }
         next.load_q += 0.5 * h * (before.load_v + next.load_v);
-        for effect in &self.effects {
-            if !matches!(effect.law, Law::Backlash { .. }) {
-                continue;
-            }
-            let half = 0.5 * effect.x;
+        if let Some(play) = self.play() {
+            let half = 0.5 * play;
             let ahead = next.load_q - next.q;
             if ahead.abs() >= half && (next.load_v - next.v) * ahead > 0.0 {
                 let momentum = self.own_inertia() * next.v + load * next.load_v;
@@ -135,9 +201,9 @@ impl Axis {
         next
     }
 
-    /// Velocity after the step with rigid, set-valued friction.
-    fn project(&self, before: f64, free: f64, at: &Place, h: f64) -> f64 {
-        let gain = h / self.own_inertia();
+    /// Velocity of a side after the step with rigid, set-valued friction.
+    fn project(&self, before: f64, free: f64, at: &Place, h: f64, of: &Side) -> f64 {
+        let gain = of.friction * h / of.inertia;
         let side = if free < 0.0 { -1.0 } else { 1.0 };
         let free = free.abs();
         if free <= gain * self.friction(0.0, side, at) {

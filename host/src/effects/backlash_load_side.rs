@@ -53,7 +53,7 @@ impl Effect for BacklashLoadSide {
     fn shape(&self) -> Option<(usize, f64)> {
         Some((1, 1.0))
     }
-    fn shapes(&self) -> Vec<f64> {
+    fn shapes(&self, _survey: &Survey) -> Vec<f64> {
         vec![1.0, 0.5]
     }
     fn grid(&self, survey: &Survey) -> Vec<f64> {
@@ -62,7 +62,7 @@ impl Effect for BacklashLoadSide {
     fn transmit(&self, p: &[f64], path: &mut Path) {
         (path.gap, path.before_gap) = (p[0], p[1]);
     }
-    fn coupling(&self, p: &[f64], inertia: f64) -> Option<Coupling> {
+    fn coupling(&self, p: &[f64], inertia: f64, coulomb: f64) -> Option<Coupling> {
         let load = (1.0 - MOTOR) * inertia;
         // Without a gap both sides are one.
         (p[0] > 0.0).then_some(Coupling {
@@ -70,6 +70,7 @@ impl Effect for BacklashLoadSide {
             stiffness: load * CONTACT * CONTACT,
             damping: 2.0 * load * CONTACT,
             gap: p[0],
+            friction: (1.0 - p[1]) * coulomb,
             load_side: true,
         })
     }

@@ -27,7 +27,7 @@
 //! resonance and antiresonance).
 
 use super::compliance_load_side::ComplianceLoadSide;
-use super::{Confusion, Coupling, Effect, Given, Inner, Motion, Quantity, Scale, Seat, Spec, Survey, geometric, undriven};
+use super::{Carried, Confusion, Coupling, Effect, Given, Inner, Motion, Quantity, Scale, Seat, Spec, Survey, geometric, undriven};
 use crate::format::quantity;
 
 /// Damping ratio of steel parts.
@@ -100,14 +100,14 @@ impl Effect for Compliance {
     }
     /// Between two samples the measured position is taken as a straight line. Seen from it the load swings freely; where
     /// the slope changes at a sample, its relative velocity jumps by as much.
-    fn load(&self, inner: Inner, q: &[f64], _v: &[f64], period: f64) -> Vec<f64> {
+    fn load(&self, inner: Inner, q: &[f64], _v: &[f64], period: f64) -> Carried {
         let omega = std::f64::consts::TAU * inner[0];
         let zeta = inner[1].clamp(0.0, 0.999);
         let damped = omega * (1.0 - zeta * zeta).sqrt();
         let decay = (-zeta * omega * period).exp();
         let (sin, cos) = (damped * period).sin_cos();
         let (mut y, mut rate, mut slope) = (0.0, 0.0, None);
-        let mut relative = vec![0.0];
+        let mut ahead = vec![0.0];
         for pair in q.windows(2) {
             let next = (pair[1] - pair[0]) / period;
             rate -= slope.map_or(0.0, |slope| next - slope);
@@ -116,9 +116,12 @@ impl Effect for Compliance {
             let swung = decay * (y * cos + along * sin);
             rate = decay * (rate * cos - (omega * omega * y + zeta * omega * rate) / damped * sin);
             y = swung;
-            relative.push(y);
+            ahead.push(y);
         }
-        relative
+        Carried {
+            ahead,
+            ..Carried::default()
+        }
     }
     fn named(&self, inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
         vec![c[0], inner[0], inner[1]]
@@ -129,13 +132,14 @@ impl Effect for Compliance {
     fn admissible(&self, c: &[f64]) -> bool {
         c[0] > 0.0
     }
-    fn coupling(&self, p: &[f64], _inertia: f64) -> Option<Coupling> {
+    fn coupling(&self, p: &[f64], _inertia: f64, _coulomb: f64) -> Option<Coupling> {
         let omega = std::f64::consts::TAU * p[1];
         Some(Coupling {
             inertia: p[0],
             stiffness: p[0] * omega * omega,
             damping: 2.0 * p[2] * omega * p[0],
             gap: 0.0,
+            friction: 0.0,
             load_side: false,
         })
     }
@@ -152,7 +156,7 @@ mod tests {
         let (h, f, zeta, drive) = (1e-3, 20.0, 0.05, 12.0);
         let turn = std::f64::consts::TAU;
         let q: Vec<f64> = (0..6000).map(|k| (turn * drive * f64::from(k) * h).sin()).collect();
-        let relative = Compliance.load([f, zeta], &q, &[], h);
+        let relative = Compliance.load([f, zeta], &q, &[], h).ahead;
         let position = relative.iter().zip(&q).skip(4000).map(|(e, q)| (e + q).abs());
         let (x, damping) = (drive / f, 2.0 * zeta * drive / f);
         let gain = ((1.0 + damping * damping) / ((1.0 - x * x).powi(2) + damping * damping)).sqrt();

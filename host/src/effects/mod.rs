@@ -18,6 +18,7 @@ mod quantity;
 mod swing;
 mod wave;
 
+pub use backlash::CONTACT;
 pub use creep::CREEP;
 pub use path::{Path, Swing};
 pub use point::{Given, Moment, Point, Scale, Survey};
@@ -65,8 +66,20 @@ pub struct Coupling {
     pub damping: f64,
     /// Displacement in all within which nothing joins them, rad or m.
     pub gap: f64,
+    /// Coulomb friction that brakes the load rather than the driven side, N·m or N.
+    pub friction: f64,
     /// Whether the encoder measures the load, and not the driven side.
     pub load_side: bool,
+}
+
+/// Where a load stands that the measured side carries along, and what its friction does.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Carried {
+    /// Position at every sample, relative to the measured one, rad or m.
+    pub ahead: Vec<f64>,
+    /// What the load's own friction resists more than it would if the load moved as the measured side does, over the load's
+    /// inertia: means over the intervals between the samples, rad/s² or m/s². Empty if all friction is the measured side's.
+    pub resisting: Vec<f64>,
 }
 
 impl Coupling {
@@ -197,7 +210,7 @@ pub trait Effect: Sync {
         None
     }
     /// Values of the second inner parameter to try with each value of the scanned one.
-    fn shapes(&self) -> Vec<f64> {
+    fn shapes(&self, _survey: &Survey) -> Vec<f64> {
         vec![self.shape().map_or(0.0, |(_, start)| start)]
     }
     /// Values of the scanned parameter to try, ascending; neighbours bracket an optimum.
@@ -228,13 +241,13 @@ pub trait Effect: Sync {
     /// The error of the measured position `q` of each unit coefficient, and its slope over `q`, into `out`; of what sits in
     /// the momentum, what takes the place of the error.
     fn error(&self, _q: f64, _out: &mut [(f64, f64)]) {}
-    /// Where a load that the measured motion carries along stands at every sample, relative to the measured position `q`;
-    /// `v` is the smoothed velocity.
-    fn load(&self, _inner: Inner, _q: &[f64], _v: &[f64], _period: f64) -> Vec<f64> {
-        Vec::new()
+    /// Where a load that the measured motion carries along stands, relative to the measured position `q`; `v` is the
+    /// smoothed velocity.
+    fn load(&self, _inner: Inner, _q: &[f64], _v: &[f64], _period: f64) -> Carried {
+        Carried::default()
     }
-    /// What the load hangs on, for simulation, if the inertia of all is so large.
-    fn coupling(&self, _parameters: &[f64], _inertia: f64) -> Option<Coupling> {
+    /// What the load hangs on, for simulation, on an axis of some inertia and Coulomb friction, of both sides together.
+    fn coupling(&self, _parameters: &[f64], _inertia: f64, _coulomb: f64) -> Option<Coupling> {
         None
     }
     /// Named parameters from the linear solution. As it stands, for an effect that is its inner parameters alone.

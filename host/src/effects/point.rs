@@ -81,6 +81,8 @@ pub struct Survey {
     pub position_noise: f64,
     /// Level of friction at rest, as far as it is known; zero before anything is.
     pub level: f64,
+    /// How fast friction at that level slows the axis, as far as both are known, rad/s² or m/s².
+    pub deceleration: f64,
     /// Root mean square and largest size of the input, in its own unit.
     pub input: (f64, f64),
 }

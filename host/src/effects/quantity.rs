@@ -23,6 +23,8 @@ pub enum Quantity {
     Cubic,
     /// rad/s or m/s.
     Speed,
+    /// rad/s² or m/s².
+    Acceleration,
     /// rad or m.
     Position,
     /// rad.
@@ -56,6 +58,7 @@ impl Quantity {
             Self::Stiffness => ("N*m/rad", "N/m"),
             Self::Cubic => ("N*m/rad^3", "N/m^3"),
             Self::Speed => ("rad/s", "m/s"),
+            Self::Acceleration => ("rad/s^2", "m/s^2"),
             Self::Position => ("rad", "m"),
             Self::Phase => ("rad", "rad"),
             Self::Periodicity => ("1/turn", "1/m"),

@@ -190,6 +190,7 @@ fn periods_that_pass_by_between_samples_are_not_tried() {
         travel: (-1.0, 1.0),
         position_noise: 1e-4,
         level: 0.1,
+        deceleration: 10.0,
         input: (1.0, 2.0),
     };
     let most = |survey: &Survey| periodicities(survey, 1).last().copied().unwrap_or(0.0);

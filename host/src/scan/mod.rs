@@ -81,6 +81,8 @@ pub struct Found {
 
 /// Steps of golden-section refinement between the neighbours of the best value: a factor of 0.618 each.
 const GOLDEN_STEPS: usize = 10;
+/// Times that two inner parameters are refined by turns.
+const TURNS: usize = 2;
 /// Places on a grid that are scored side by side.
 const BATCH: usize = 16;
 /// Places on a grid from which on it is large.
@@ -140,7 +142,7 @@ impl<'a> Ground<'a> {
     }
 
     fn on_grid(&self, term: &Term) -> Result<Option<Found>> {
-        let (grid, shapes) = (term.effect.grid(&self.survey), term.effect.shapes());
+        let (grid, shapes) = (term.effect.grid(&self.survey), term.effect.shapes(&self.survey));
         let each = |&shape: &f64| (grid.iter().enumerate()).map(move |(k, &x)| (k, [x, shape]));
         let tried: Vec<(usize, Inner)> = shapes.iter().flat_map(each).collect();
         shapes
@@ -166,9 +168,17 @@ impl<'a> Ground<'a> {
             let quantity = term.effect.parameters()[k].quantity;
             quantity.is_whole(self.survey.motion)
         });
+        let around = |k: usize, grid: &[f64]| (grid[k.max(1) - 1], grid[(k + 1).min(grid.len() - 1)]);
         if grid.len() > 1 && !whole {
-            let bracket = (grid[k.max(1) - 1], grid[(k + 1).min(grid.len() - 1)]);
-            self.refine(term, 0, bracket, &mut found)?;
+            self.refine(term, 0, around(k, &grid), &mut found)?;
+        }
+        let shape = shapes.iter().position(|&shape| shape == found.inner[1]);
+        if let Some(shape) = shape.filter(|_| shapes.len() > 1) {
+            // Each depends on the other.
+            for _ in 0..TURNS {
+                self.refine(term, 1, around(shape, &shapes), &mut found)?;
+                self.refine(term, 0, around(k, &grid), &mut found)?;
+            }
         }
         Ok(Some(found))
     }

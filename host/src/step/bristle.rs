@@ -87,8 +87,7 @@ impl<P> Contact<'_, P> {
         let &Self { plant, law, h, .. } = self;
         let at = plant.sliding(middle);
         let bent = law.stiffness() * law.advance(z, at.v, 0.5 * h) / law.level(at.v);
-        let moment = plant.moment(self.drive, middle);
-        law.mean_force(z, at.v, h) + plant.contact().resistance(moment, at, bent)
+        law.mean_force(z, at.v, h) + plant.resistance(self.drive, middle, bent)
     }
 
     /// The middle of the substep from `x`, where `friction` resists.

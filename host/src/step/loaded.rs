@@ -2,10 +2,17 @@
 
 use super::{Drive, Mechanism, State};
 use crate::axis::{Axis, Contact};
-use crate::effects::{Coupling, Moment, Path};
+use crate::effects::{CONTACT, Coupling, Moment, Path};
 
-/// `(J − J_L)·v̇ = k·u − F − T`, `J_L·v̇_L = T`: the friction of the axis sits at the driven side, and `T` is what the
-/// coupling transmits. States: position and velocity of the driven side, and of the load relative to it.
+/// Rate at which friction of the load takes its last velocity, 1/s: as fast as a wall catches it.
+const STOPS: f64 = CONTACT;
+
+/// `(J − J_L)·v̇ = k·u − (F − F_L·s) − T`, `J_L·v̇_L = T − F_L·s_L`: of the friction `F` of the axis `F_L` brakes the load, and `T`
+/// is what the coupling transmits. States: position and velocity of the driven side, and of the load relative to it.
+///
+/// Contact is exact for the driven side alone. So the load's friction rises with its velocity over the span in which it stops
+/// it as fast as the contact catches it, and what it falls short there of `F_L` while the driven side pushes the load is the
+/// driven side's: both together stick and slide under `F`.
 pub struct Loaded<A> {
     axis: A,
     coupling: Coupling,
@@ -19,6 +26,14 @@ impl<A: AsRef<Axis>> Loaded<A> {
 
     fn axis(&self) -> &Axis {
         self.axis.as_ref()
+    }
+
+    /// Friction of the load while it moves at velocity `v`.
+    fn braking(&self, v: f64) -> f64 {
+        let Coupling {
+            inertia, friction, ..
+        } = self.coupling;
+        friction.min(inertia * STOPS * v.abs()).copysign(v)
     }
 
     /// The state that an encoder would see so while the load is ahead of the driven side, and moves ahead, by so much.
@@ -51,6 +66,17 @@ impl<A: AsRef<Axis>> Mechanism<4> for Loaded<A> {
     fn moment(&self, drive: Drive, _x: &[f64; 4]) -> Moment {
         drive.moment()
     }
+    fn resistance(&self, drive: Drive, x: &[f64; 4], s: f64) -> f64 {
+        let Coupling { friction, gap, .. } = self.coupling;
+        let both = (self.contact()).resistance(drive.moment(), self.sliding(x), s);
+        let pushes = x[2] * s < 0.0 && x[2].abs() >= 0.5 * gap;
+        let braked = if pushes {
+            self.braking((x[1] + x[3]) * s.signum()).max(0.0)
+        } else {
+            friction
+        };
+        both - s * braked
+    }
     fn sliding(&self, x: &[f64; 4]) -> State {
         State { q: x[0], v: x[1] }
     }
@@ -65,7 +91,7 @@ impl<A: AsRef<Axis>> Mechanism<4> for Loaded<A> {
             x[1],
             acceleration,
             x[3],
-            transmitted / self.coupling.inertia - acceleration,
+            (transmitted - self.braking(x[1] + x[3])) / self.coupling.inertia - acceleration,
         ]
     }
     fn rest(&self, x: &mut [f64; 4]) {

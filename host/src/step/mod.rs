@@ -74,6 +74,11 @@ pub trait Mechanism<const N: usize> {
     fn moment(&self, drive: Drive, _x: &[f64; N]) -> Moment {
         drive.moment()
     }
+    /// What resists sliding in direction `s`, of a law with bristles all but these, N·m or N.
+    fn resistance(&self, drive: Drive, x: &[f64; N], s: f64) -> f64 {
+        let moment = self.moment(drive, x);
+        self.contact().resistance(moment, self.sliding(x), s)
+    }
     /// Position and sliding velocity `w` of the contact.
     fn sliding(&self, x: &[f64; N]) -> State;
     /// `a`: the friction that would keep the sliding velocity as it is, N·m or N.

@@ -64,9 +64,8 @@ fn direction<const N: usize>(plant: &impl Mechanism<N>, drive: Drive, x: &[f64; 
 
 /// How much more force in the positive and in the negative direction friction would hold at rest; negative where it yields.
 fn reserves<const N: usize>(plant: &impl Mechanism<N>, drive: Drive, x: &[f64; N]) -> [f64; 2] {
-    let (balance, at) = (plant.balance(drive, x), plant.sliding(x));
-    let (contact, moment) = (plant.contact(), plant.moment(drive, x));
-    let [forward, backward] = [1.0, -1.0].map(|s| contact.resistance(moment, at, s));
+    let balance = plant.balance(drive, x);
+    let [forward, backward] = [1.0, -1.0].map(|s| plant.resistance(drive, x, s));
     [
         forward.max(backward) - balance,
         balance - forward.min(backward),
@@ -83,10 +82,7 @@ fn slide<const N: usize>(
     step: f64,
 ) -> f64 {
     // The branch of sliding direction s is continued smoothly past v = 0, so the order of the method holds.
-    let friction = |x: &[f64; N]| {
-        let at = plant.sliding(x);
-        plant.contact().resistance(plant.moment(drive, x), at, s)
-    };
+    let friction = |x: &[f64; N]| plant.resistance(drive, x, s);
     let rate = |x: &[f64; N], friction: f64| plant.rate(drive, x, friction);
     let first = rate(x, known.unwrap_or_else(|| friction(x)));
     let go = |h: f64| runge_kutta(|x| rate(x, friction(x)), x, &first, h);

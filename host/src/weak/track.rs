@@ -306,6 +306,7 @@ impl Track {
             travel: (fold(f64::min), fold(f64::max)),
             position_noise: self.position_noise,
             level: 0.0,
+            deceleration: 0.0,
         }
     }
 
