@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::select::SOUGHT;
+use super::select::{FLOOR, SOUGHT};
 use super::trial::{Base, Generic};
 use crate::effects::Path;
 use crate::error::Result;
@@ -23,7 +23,8 @@ pub(super) struct Leftover {
     pub gain: f64,
     /// RMS torque of all that is left, over the RMS of the drive.
     left: f64,
-    /// Whether something is certainly left: large enough to matter, and no chance of a few blocks.
+    /// Whether something is certainly left: large enough to matter, and no chance of a few blocks, or as large as effects that
+    /// are looked for.
     pub certain: bool,
     /// Gain of each group alone, best first.
     pub coordinates: Vec<(&'static str, f64)>,
@@ -109,6 +110,9 @@ pub(super) fn of(bench: &Workbench, model: &Model) -> Result<Leftover> {
         certain: each.into_iter().any(|g| g.certain),
         coordinates: alone.iter().map(|(name, g)| (*name, g.gain)).collect(),
     };
+    // A blow at an end stop or a mass that changes late shows in a few blocks only; nothing of its size is chance elsewhere.
+    let large = leftover.gain >= FLOOR && leftover.size() >= SOUGHT;
+    leftover.certain |= large && !system::shortened(&bench.problem);
     leftover.certain &= leftover.size() >= smallest(bench);
     Ok(leftover)
 }

@@ -138,7 +138,7 @@ pub(super) fn select(
             continue;
         };
         selected.push(found);
-        current = next;
+        current = absorbed(bench, model, &mut selected, next);
         current = reexamine(scope, model, &mut selected, current, recordings)?;
         scan::tell_later_ends(&bench.problem, &bench.noise, &mut current);
     }
@@ -175,11 +175,7 @@ fn beside_a_bent_law(scope: &Scope, model: &Model) -> Result<Option<Selected>> {
 fn in_best_form(bench: &Workbench, model: &Model, found: Selected) -> Result<(Selected, Model)> {
     let own = found.trial.effect;
     let (next, chi2) = bench.estimate(&with_trial(model, &found.trial))?;
-    let more = |form: &dyn Effect| form.parameters().len() > own.parameters().len();
-    let richer = own
-        .other_form()
-        .filter(|form| more(*form) && !form.divides());
-    let Some(other) = richer else {
+    let Some(other) = richer(own) else {
         return Ok((found, next));
     };
     let Ok((richer, least)) = bench.estimate(&model.with_effect(other)) else {
@@ -201,6 +197,63 @@ fn in_best_form(bench: &Workbench, model: &Model, found: Selected) -> Result<(Se
         ..found.trial
     };
     Ok((Selected { trial, ..found }, richer))
+}
+
+/// The form of an effect with more to it, if it has one.
+fn richer(effect: &dyn Effect) -> Option<&'static dyn Effect> {
+    let more = |form: &&dyn Effect| form.parameters().len() > effect.parameters().len();
+    effect.other_form().filter(|form| more(form) && !form.divides())
+}
+
+/// The model without effects that another makes up for in its form with more to it, as a spring that rests elsewhere does for an
+/// offset: an effect more has to be worth its evidence.
+fn absorbed(
+    bench: &Workbench,
+    baseline: &Model,
+    selected: &mut Vec<Selected>,
+    full: Model,
+) -> Model {
+    let mut current = full;
+    let mut rich = 0;
+    while rich < selected.len() {
+        let found = richer(selected[rich].trial.effect)
+            .and_then(|form| without_another(bench, baseline, (selected, &current), rich, form));
+        match found {
+            Some((poor, instead, trial)) => {
+                selected[rich].trial = trial;
+                selected.remove(poor);
+                (current, rich) = (instead, 0);
+            }
+            None => rich += 1,
+        }
+    }
+    current
+}
+
+/// The first effect that is not needed beside another in a richer form, the model without it, and the trial of that form.
+fn without_another(
+    bench: &Workbench,
+    baseline: &Model,
+    (selected, current): (&[Selected], &Model),
+    rich: usize,
+    form: &'static dyn Effect,
+) -> Option<(usize, Model, Trial)> {
+    let first = baseline.terms.len();
+    let (_, before) = bench.estimate(current).ok()?;
+    (0..selected.len()).filter(|&k| k != rich).find_map(|poor| {
+        let mut instead = current.with_effect(form);
+        instead.terms.swap_remove(first + rich);
+        instead.terms.remove(first + poor);
+        let (instead, after) = bench.estimate(&instead).ok()?;
+        let term = instead.terms.iter().find(|t| effects::same_form(t.effect, form))?;
+        let (inner, _) = form.linear(&system::values(term), instead.scale());
+        let trial = Trial {
+            effect: form,
+            inner,
+            ..selected[rich].trial.clone()
+        };
+        (after - before < LEAST_DELTA_BIC).then_some((poor, instead, trial))
+    })
 }
 
 /// The model with the effect of a trial, started from the trial's inner parameter.

@@ -1,5 +1,6 @@
 //! # What it is
-//! A restoring torque with a cubic part: `τ = stiffness·q + cubic·q³`, cubic > 0.
+//! A restoring torque with a cubic part: `τ = stiffness·q + cubic·q³`, cubic > 0, at rest where `q = 0`; or the same of
+//! `q − rest`, as encoders count from anywhere.
 //!
 //! # What it looks like in a recording
 //! Little happens in the middle of the travel, much at its ends. The residual is a cubic in position.
@@ -16,6 +17,7 @@
 //! # References
 //! G. Duffing, Erzwungene Schwingungen bei veränderlicher Eigenfrequenz, 1918.
 
+use super::hardening_spring_off_centre::HardeningSpringOffCentre;
 use super::{Confusion, Effect, FREE, Inner, Motion, Point, Quantity, Scale, Spec};
 use crate::format::quantity;
 
@@ -58,6 +60,9 @@ impl Effect for HardeningSpring {
             "A spring that stiffens by {} resists at the ends of the travel: look for end stops or a tightening cable, or feed the cubic forward.",
             quantity(p[1], Quantity::Cubic.unit(motion))
         )
+    }
+    fn other_form(&self) -> Option<&'static dyn Effect> {
+        Some(&HardeningSpringOffCentre)
     }
     fn width(&self) -> usize {
         2

@@ -11,10 +11,12 @@
 mod backlash_load_side;
 mod compliance_load_side;
 mod creep;
+mod hardening_spring_off_centre;
 mod path;
 mod point;
 mod position_dependent_viscous;
 mod quantity;
+mod spring_off_centre;
 mod swing;
 mod wave;
 

@@ -1,9 +1,10 @@
 //! # What it is
-//! A restoring torque linear in position: `τ = stiffness·q`, stiffness > 0, at rest where `q = 0`. (A rest position
-//! elsewhere shows as a constant beside it, which is direction-asymmetry.)
+//! A restoring torque linear in position: `τ = stiffness·q`, stiffness > 0, at rest where `q = 0`; or
+//! `τ = stiffness·(q − rest)`, as encoders count from anywhere. A constant offset beside a spring says the same as another
+//! `rest`, so `diagnose` names the spring alone.
 //!
 //! # What it looks like in a recording
-//! The axis needs a drive that grows with its distance from zero. The residual is a straight line in position.
+//! The axis needs a drive that grows with its distance from where it rests. The residual is a straight line in position.
 //!
 //! # What excites it
 //! Slow motion over the whole travel.
@@ -17,6 +18,7 @@
 //! # References
 //! B. Armstrong-Hélouvry, Control of Machines with Friction, 1991 (mass-spring system with friction).
 
+use super::spring_off_centre::SpringOffCentre;
 use super::{Confusion, Effect, FREE, Inner, Motion, Point, Quantity, Scale, Spec};
 use crate::format::quantity;
 
@@ -43,6 +45,10 @@ impl Effect for Spring {
                     tell_apart_by: "turn the axis at least once around: a spring keeps winding up, gravity repeats every turn",
                 },
                 Confusion {
+                    id: "direction-asymmetry",
+                    tell_apart_by: "let go of the axis from either side where friction is low: it comes to rest about the spring's rest position; turn it over, or take the spring off, and see whether an offset stays",
+                },
+                Confusion {
                     id: "hardening-spring",
                     tell_apart_by: "double the travel: a linear spring stays a straight line in position",
                 },
@@ -51,9 +57,12 @@ impl Effect for Spring {
     }
     fn sentence(&self, p: &[f64], motion: Motion) -> String {
         format!(
-            "A spring of {} pulls the axis towards zero position: feed stiffness·q forward, or raise the integral action at the ends of the travel.",
+            "A spring of {} pulls the axis towards its rest position: feed its torque forward, or raise the integral action at the ends of the travel.",
             quantity(p[0], Quantity::Stiffness.unit(motion))
         )
+    }
+    fn other_form(&self) -> Option<&'static dyn Effect> {
+        Some(&SpringOffCentre)
     }
     fn basis(&self, _inner: Inner, at: Point, out: &mut [f64]) {
         out[0] = at.q;

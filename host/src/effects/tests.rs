@@ -73,7 +73,7 @@ fn the_other_form_of_an_effect_has_its_id_and_a_parameter_of_its_own() {
         .iter()
         .filter_map(|e| Some((e, e.other_form()?)))
         .collect();
-    assert_eq!(forms.len(), 3);
+    assert_eq!(forms.len(), 5);
     for (effect, form) in forms {
         assert_eq!(effect.id(), form.id());
         let known = |name: &str| effect.parameters().iter().any(|spec| spec.name == name);

@@ -20,7 +20,11 @@ pub(super) fn of(model: &Model, drive: &Drive, count: f64) -> Result<Effects<f64
         match term.effect.id() {
             "direction-asymmetry" => effects.offset += value(0),
             "viscous-asymmetry" => effects.viscous_difference += value(0),
-            "spring" => effects.stiffness += value(0),
+            "spring" => {
+                effects.stiffness += value(0);
+                // A spring that rests elsewhere is one about zero with a constant beside it.
+                effects.offset -= value(0) * term.parameters.get(1).map_or(0.0, |_| value(1));
+            }
             "gravity" => place(
                 &mut effects,
                 &mut waves,

@@ -1,0 +1,64 @@
+//! A hardening spring that rests elsewhere than where the position counts from:
+//! `τ = stiffness·(q − rest) + cubic·(q − rest)³`.
+
+use super::hardening_spring::HardeningSpring;
+use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Scale, Spec, Survey};
+
+/// Rest positions that are tried: between neighbours the cubic is smooth.
+const PLACES: usize = 15;
+
+pub(super) struct HardeningSpringOffCentre;
+
+impl Effect for HardeningSpringOffCentre {
+    fn id(&self) -> &'static str {
+        HardeningSpring.id()
+    }
+    fn name(&self) -> &'static str {
+        HardeningSpring.name()
+    }
+    fn doc(&self) -> &'static str {
+        HardeningSpring.doc()
+    }
+    fn parameters(&self) -> &'static [Spec] {
+        const {
+            &[
+                Spec::new("stiffness", Quantity::Stiffness),
+                Spec::new("cubic", Quantity::Cubic),
+                Spec::new("rest", Quantity::Position),
+            ]
+        }
+    }
+    fn confusions(&self) -> &'static [Confusion] {
+        HardeningSpring.confusions()
+    }
+    fn sentence(&self, p: &[f64], motion: Motion) -> String {
+        HardeningSpring.sentence(p, motion)
+    }
+    fn width(&self) -> usize {
+        2
+    }
+    fn essential(&self) -> Option<usize> {
+        HardeningSpring.essential()
+    }
+    fn inner(&self) -> Option<usize> {
+        Some(2)
+    }
+    fn grid(&self, survey: &Survey) -> Vec<f64> {
+        let (low, high) = survey.travel;
+        let step = (high - low) / (PLACES - 1) as f64;
+        (0..PLACES).map(|k| low + k as f64 * step).collect()
+    }
+    fn basis(&self, inner: Inner, at: Point, out: &mut [f64]) {
+        let q = at.q - inner[0];
+        (out[0], out[1]) = (q, q * q * q);
+    }
+    fn named(&self, inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
+        vec![c[0], c[1], inner[0]]
+    }
+    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
+        ([p[2], 0.0], vec![p[0], p[1]])
+    }
+    fn admissible(&self, c: &[f64]) -> bool {
+        HardeningSpring.admissible(c)
+    }
+}
