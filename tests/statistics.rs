@@ -159,7 +159,7 @@ fn two_effects_at_once_are_named() {
             ["viscous-asymmetry", "direction-asymmetry"],
         ),
         (
-            4_100_047,
+            4_100_049,
             0.3,
             High,
             ["hardening-spring", "direction-asymmetry"],
@@ -235,6 +235,31 @@ fn a_blip_is_no_load() {
     let (_, outcome, _) = examine(&recipe);
     let ids: Vec<&str> = outcome.diagnosis.findings.iter().map(|f| f.id).collect();
     assert_eq!(ids, ["saturation"], "{}", outcome.diagnosis.text);
+}
+
+/// A load that friction of its own slows in the gap does not fly on through it, and at a slow reversal it rests: such axes were
+/// adequate, or had bristles.
+#[test]
+fn a_load_with_friction_of_its_own_is_found_behind_a_gap() {
+    let mut found = Vec::new();
+    for k in 0..12 {
+        let recipe = Recipe::random(
+            31_190_100 + k,
+            Some("backlash"),
+            0.3,
+            NOISES[k as usize % 3],
+        );
+        let made = simulate(&recipe).expect("an axis that moves");
+        let of_load =
+            |(_, name, value): &(_, &str, f64)| *name == "load_friction_share" && *value > 0.3;
+        if made.truth.parameters.iter().any(of_load) {
+            let (_, outcome, _) = examine(&recipe);
+            let findings = &outcome.diagnosis.findings;
+            found.push(findings.first().map(|f| f.id));
+        }
+    }
+    let missed = found.iter().filter(|id| **id != Some("backlash")).count();
+    assert!(found.len() > 2 && missed < 2, "{found:?}");
 }
 
 #[test]

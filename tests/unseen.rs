@@ -549,6 +549,21 @@ fn a_friction_law_does_not_stand_in_for_a_spring() {
     }
 }
 
+/// An encoder counts from anywhere. The rest position elsewhere was named as an offset beside the spring, or as a cubic of it.
+#[test]
+fn a_spring_that_rests_elsewhere_is_one_spring() {
+    for (id, own) in [("spring", ""), ("hardening-spring", "cubic = 0.1\n")] {
+        let truth = format!("{PLAIN}[effects.{id}]\nstiffness = 0.2\n{own}rest = 0.35\n");
+        let options = "--excite multisine --amplitude 1 --band 0.1:2 --control pd --counts 16384 --noise 0.02 --seed 4";
+        let json = diagnosed_of(&truth, BASELINE, options);
+        let finding = only_finding(&json, id, 0.1);
+        let rest = &finding["parameters"]["rest"];
+        let number = |key: &str| rest[key].as_f64().expect("a number");
+        let (off, se) = (number("value") - 0.35, number("se"));
+        assert!(off.abs() < 3.0 * se && se < 0.05, "{finding}");
+    }
+}
+
 /// Bristles that damp as they bend were not named, or with other physics beside them: one such axis was called adequate that a free
 /// run missed by 16 %.
 #[test]

@@ -80,7 +80,11 @@ impl Cluster {
         let mut along = pull.eigenvectors.tr_mul(&root.tr_mul(&gradient));
         for (along, pull) in along.iter_mut().zip(&pull.eigenvalues) {
             let left = 1.0 - pull;
-            *along *= if left > LEAST_LEFT { left.powf(-0.5) } else { 0.0 };
+            *along *= if left > LEAST_LEFT {
+                left.powf(-0.5)
+            } else {
+                0.0
+            };
         }
         root * (pull.eigenvectors * along)
     }

@@ -11,6 +11,9 @@ use super::integrator::Axis;
 use super::measure::Look;
 use super::recipe::{Control, Motion, Recipe, between, log_between, sign, stream};
 
+/// Purpose of the generator of what was added later, so that all else of a seed is as it was.
+const LATER: u64 = 5;
+
 /// All that does not depend on amplitudes.
 pub(super) struct Setup {
     pub inertia: f64,
@@ -155,10 +158,14 @@ impl Basis<'_> {
                 )
             }
             "gravity" => (Law::Gravity { phase }, 1.4 * torque),
-            "spring" => (Law::Spring, 3.0 * torque / reach),
+            "spring" => {
+                let rest = reach * self.off_centre();
+                (Law::Spring { rest }, 3.0 * torque / reach)
+            }
             "hardening-spring" => {
                 let knee = reach / between(rng, 1.0, 2.0);
-                (Law::HardeningSpring { knee }, torque / reach)
+                let rest = reach * self.off_centre();
+                (Law::HardeningSpring { knee, rest }, torque / reach)
             }
             "cogging" => {
                 let second = if rng.random_bool(0.3) { 0.2 } else { 0.0 };
@@ -204,12 +211,7 @@ impl Basis<'_> {
             "backlash" => {
                 let share = between(rng, 0.3, 0.8);
                 let travel = (self.look.hi - self.look.lo).min(6.0);
-                // A load in bearings of its own has friction of its own, one that sits on the shaft next to none.
-                let friction = if rng.random_bool(0.5) {
-                    between(rng, 0.1, 0.8)
-                } else {
-                    0.0
-                };
+                let friction = self.load_friction();
                 (Law::Backlash { share, friction }, 0.05 * size * travel)
             }
             "actuator-lag" => (Law::ActuatorLag, 1e-3 + 0.02 * size),
@@ -272,6 +274,28 @@ impl Basis<'_> {
         Law::Stribeck {
             velocity: self.look.top_speed * log_between(rng, least, 0.15),
             fall,
+        }
+    }
+
+    /// Where a spring rests, in units of the travel to either side: half of them where the position counts from.
+    fn off_centre(&self) -> f64 {
+        let mut rng = stream(self.recipe.seed, LATER, 0);
+        let aside = rng.random_bool(0.5);
+        if aside {
+            between(&mut rng, -0.4, 0.4)
+        } else {
+            0.0
+        }
+    }
+
+    /// Share of the friction that is the load's: a load in bearings of its own has some, one that sits on the shaft next to none.
+    fn load_friction(&self) -> f64 {
+        let mut rng = stream(self.recipe.seed, LATER, 1);
+        let own = rng.random_bool(0.5);
+        if own {
+            between(&mut rng, 0.1, 0.8)
+        } else {
+            0.0
         }
     }
 

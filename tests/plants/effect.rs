@@ -46,11 +46,14 @@ pub(super) enum Law {
     Gravity {
         phase: f64,
     },
-    /// `x`: stiffness.
-    Spring,
-    /// `x`: stiffness; torque `x·(q + q³/knee²)`.
+    /// `x`: stiffness about the position `rest`.
+    Spring {
+        rest: f64,
+    },
+    /// `x`: stiffness; torque `x·(q + q³/knee²)` of `q` less `rest`.
     HardeningSpring {
         knee: f64,
+        rest: f64,
     },
     /// `wave`: radians of phase per unit of position; `second`: share of the second harmonic.
     Cogging {
@@ -168,8 +171,11 @@ impl Effect {
             Law::Centrifugal { wave, phase } => x * v * v * (wave * q + phase).sin(),
             Law::DirectionAsymmetry { side, most } => -side * (x - most).max(0.0),
             Law::Gravity { phase } => -x * (q + phase).sin(),
-            Law::Spring => -x * q,
-            Law::HardeningSpring { knee } => -x * q * (1.0 + (q / knee).powi(2)),
+            Law::Spring { rest } => -x * (q - rest),
+            Law::HardeningSpring { knee, rest } => {
+                let q = q - rest;
+                -x * q * (1.0 + (q / knee).powi(2))
+            }
             Law::Cogging {
                 wave,
                 phase,
@@ -227,9 +233,13 @@ impl Effect {
             Law::QuadraticDrag => vec![("coefficient", x)],
             Law::PowerLawViscous { exponent } => vec![("coefficient", x), ("exponent", exponent)],
             Law::Gravity { phase } => vec![("amplitude", x), ("phase", phase)],
-            Law::Spring => vec![("stiffness", x)],
-            Law::HardeningSpring { knee } => {
-                vec![("stiffness", x), ("cubic", x / (knee * knee))]
+            Law::Spring { rest } => vec![("stiffness", x), ("rest", rest)],
+            Law::HardeningSpring { knee, rest } => {
+                vec![
+                    ("stiffness", x),
+                    ("cubic", x / (knee * knee)),
+                    ("rest", rest),
+                ]
             }
             Law::Cogging {
                 wave,

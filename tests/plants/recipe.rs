@@ -172,12 +172,17 @@ impl Recipe {
     }
 }
 
-/// Two effects that an axis can have at once.
+/// Two effects that an axis can have at once, and that are not one by their very equations: there is one load, a spring beside a
+/// hardening spring is a hardening spring, and one beside an offset rests elsewhere.
 pub fn pair(rng: &mut ChaCha8Rng) -> [&'static str; 2] {
-    const LOADS: [&str; 2] = ["backlash", "compliance"];
+    const ONE: [[&str; 2]; 3] = [
+        ["backlash", "compliance"],
+        ["spring", "hardening-spring"],
+        ["spring", "direction-asymmetry"],
+    ];
     loop {
         let two = super::NAMED.choose_multiple_array(rng).expect("24 effects");
-        if !two.iter().all(|id| LOADS.contains(id)) {
+        if !ONE.iter().any(|one| two.iter().all(|id| one.contains(id))) {
             return two;
         }
     }

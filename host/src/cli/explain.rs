@@ -110,7 +110,7 @@ fn page(effect: &dyn Effect) -> String {
         effect.id()
     );
     parameters(effect, &mut text);
-    if let Some(form) = effect.other_form() {
+    for &form in effect.other_forms() {
         let when = if form.on_load_side() {
             "or, with the encoder on the load:"
         } else {

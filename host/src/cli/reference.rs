@@ -62,7 +62,7 @@ fn describe(effect: &dyn Effect, page: &mut String) {
         };
     }
     parameters(effect, "", page);
-    if let Some(form) = effect.other_form() {
+    for &form in effect.other_forms() {
         let when = if form.on_load_side() {
             ", with the encoder on the load"
         } else {

@@ -170,9 +170,35 @@ fn beside_a_bent_law(scope: &Scope, model: &Model) -> Result<Option<Selected>> {
     Ok(Selected::first(fitted.filter(scope.passes), false))
 }
 
+/// What was found in a model, or the rival that has more evidence in a form with more to it.
+fn in_best_form(bench: &Workbench, model: &Model, found: Selected) -> Result<(Selected, Model)> {
+    let best = in_better_form(bench, model, found.clone())?;
+    let close = |other: &&Trial| other.delta_bic >= 0.5 * found.trial.delta_bic;
+    let rivals = (found.others.iter().filter(close)).filter(|o| richer(o.effect).is_some());
+    let instead = |rival: &Trial| {
+        let stood = found.others.iter().chain([&found.trial]);
+        let others = stood.filter(|o| o.effect.id() != rival.effect.id());
+        let rival = Selected {
+            trial: rival.clone(),
+            fast: found.fast,
+            others: others.cloned().collect(),
+        };
+        in_better_form(bench, model, rival).ok()
+    };
+    let evidence = |(found, _): &(Selected, Model)| found.trial.delta_bic;
+    let better = |best: (Selected, Model), other| {
+        if evidence(&other) > evidence(&best) {
+            other
+        } else {
+            best
+        }
+    };
+    Ok(rivals.filter_map(instead).fold(best, better))
+}
+
 /// A found effect in a model, in its other form if there is more to it in that and the evidence is better. What bends bristles is
 /// what they hold: more to them tells only once the whole model is fitted with it.
-fn in_best_form(bench: &Workbench, model: &Model, found: Selected) -> Result<(Selected, Model)> {
+fn in_better_form(bench: &Workbench, model: &Model, found: Selected) -> Result<(Selected, Model)> {
     let own = found.trial.effect;
     let (next, chi2) = bench.estimate(&with_trial(model, &found.trial))?;
     let Some(other) = richer(own) else {
@@ -202,11 +228,12 @@ fn in_best_form(bench: &Workbench, model: &Model, found: Selected) -> Result<(Se
 /// The form of an effect with more to it, if it has one.
 fn richer(effect: &dyn Effect) -> Option<&'static dyn Effect> {
     let more = |form: &&dyn Effect| form.parameters().len() > effect.parameters().len();
-    effect.other_form().filter(|form| more(form) && !form.divides())
+    let mut others = effect.other_forms().iter().copied();
+    others.find(|form| more(form) && !form.on_load_side())
 }
 
 /// The model without effects that another makes up for in its form with more to it, as a spring that rests elsewhere does for an
-/// offset: an effect more has to be worth its evidence.
+/// offset, and a hardening spring that does for a spring: an effect more has to be worth its evidence.
 fn absorbed(
     bench: &Workbench,
     baseline: &Model,
@@ -216,7 +243,8 @@ fn absorbed(
     let mut current = full;
     let mut rich = 0;
     while rich < selected.len() {
-        let found = richer(selected[rich].trial.effect)
+        let plain = effects::find(selected[rich].trial.effect.id());
+        let found = (plain.and_then(richer))
             .and_then(|form| without_another(bench, baseline, (selected, &current), rich, form));
         match found {
             Some((poor, instead, trial)) => {
@@ -245,14 +273,18 @@ fn without_another(
         instead.terms.swap_remove(first + rich);
         instead.terms.remove(first + poor);
         let (instead, after) = bench.estimate(&instead).ok()?;
-        let term = instead.terms.iter().find(|t| effects::same_form(t.effect, form))?;
+        let term = instead
+            .terms
+            .iter()
+            .find(|t| effects::same_form(t.effect, form))?;
         let (inner, _) = form.linear(&system::values(term), instead.scale());
         let trial = Trial {
             effect: form,
             inner,
             ..selected[rich].trial.clone()
         };
-        (after - before < LEAST_DELTA_BIC).then_some((poor, instead, trial))
+        let part = form.includes() == Some(selected[poor].trial.effect.id());
+        (part || after - before < LEAST_DELTA_BIC).then_some((poor, instead, trial))
     })
 }
 
@@ -281,9 +313,13 @@ fn passes(trial: &Trial) -> bool {
     trial.certain && trial.reaches(FLOOR, LEAST_DELTA_BIC)
 }
 
-/// Whether a model has room for an effect: it does not have it yet, such an axis can show it, and only one load can hang on
-/// an axis.
+/// Whether a model has room for an effect: it does not have it yet, nor one that includes it, such an axis can show it, and only
+/// one load can hang on an axis.
 pub(super) fn fits_in(effect: &dyn Effect, model: &Model) -> bool {
+    let mut terms = model.terms.iter();
+    if terms.any(|t| t.effect.includes() == Some(effect.id())) {
+        return false;
+    }
     let loaded = model.terms.iter().any(|t| t.effect.divides());
     // Bristles know by themselves how friction builds up.
     let known = effect.nuisance() && model.has("presliding");
@@ -302,10 +338,11 @@ fn taken(effect: &dyn Effect, selected: &[Selected]) -> bool {
 /// Every effect of a scope that a model has room for, tried on it; best first.
 fn trials(base: &Base, model: &Model, scope: &Scope) -> Result<Vec<Trial>> {
     let nuisance: &'static dyn Effect = &effects::CREEP;
-    let forms = |effect: &'static dyn Effect| [Some(effect), effect.other_form()];
-    let all = (effects::ALL.iter().copied().chain([nuisance]))
-        .flat_map(forms)
-        .flatten();
+    let forms = |effect: &'static dyn Effect| {
+        let others = effect.other_forms().iter().copied();
+        [effect].into_iter().chain(others)
+    };
+    let all = (effects::ALL.iter().copied().chain([nuisance])).flat_map(forms);
     let sought = |e: &dyn Effect| (scope.sought)(e) && !scope.refuted.contains(&e.id());
     let open: Vec<_> = all.filter(|e| fits_in(*e, model) && sought(*e)).collect();
     let tried: Result<Vec<Option<Trial>>> = open

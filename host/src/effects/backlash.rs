@@ -1,14 +1,16 @@
 //! # What it is
-//! Lost motion: part of the inertia, `load_inertia`, is carried along with a play of `gap` in all. Within it the load goes on
-//! by itself, slowed by its own friction at `load_deceleration`, down to rest; at its ends it is caught without a rebound. The
-//! model's inertia and friction are those of both together: of the Coulomb level, `load_inertia·load_deceleration` is the
-//! load's. With the load ahead by `y`, moving in direction `s_L` while the measured side moves in direction `s`,
-//! `J·q̈ + J_L·(ÿ + d·(s_L − s)) + F = k·u`.
+//! Lost motion: part of the inertia, `load_inertia`, is carried along with a play of `gap` in all. Within it the load flies on
+//! by itself; at its ends it is caught without a rebound. The model's inertia is that of both together.
+//!
+//! A load with friction of its own is slowed by it at `load_deceleration`, down to rest; of the model's Coulomb level
+//! `load_inertia·load_deceleration` is then the load's. With the load ahead by `y`, moving in direction `s_L` while the measured
+//! side moves in direction `s`, `J·q̈ + J_L·(ÿ + load_deceleration·(s_L − s)) + F = k·u`. Left out, all friction is the measured
+//! side's.
 //!
 //! Where the encoder sits on the load, the load goes on by itself while the motor crosses the gap, and the drive reaches it with
 //! a blow. A recording then shows hardly more of inertia and gap than their product, so that the parameters are `matched_gap`,
 //! the gap if both sides weigh alike (the gap times twice the motor's share of the inertia), and `motor_friction`, the share of
-//! the friction that is the motor's. `diagnose` tries both, and a model file may have either.
+//! the friction that is the motor's. `diagnose` tries all three, and a model file may have any.
 //!
 //! # What it looks like in a recording
 //! Where the axis slows down or reverses it is, for a moment, lighter than before, and has less friction, until the load is
@@ -26,6 +28,7 @@
 //! # References
 //! M. Nordin, P.-O. Gutman, Controlling mechanical systems with backlash: a survey, Automatica 38(10), 2002, sec. 2.
 
+use super::backlash_braked::BacklashBraked;
 use super::backlash_load_side::BacklashLoadSide;
 use super::{Carried, Confusion, Coupling, Effect, Given, Inner, Motion, Quantity, Scale, Seat, Spec, Survey, geometric, undriven};
 use crate::format::quantity;
@@ -50,7 +53,6 @@ impl Effect for Backlash {
             &[
                 Spec::within("load_inertia", Quantity::Inertia, (0.0, f64::INFINITY)),
                 Spec::within("gap", Quantity::Position, (0.0, f64::INFINITY)),
-                Spec::within("load_deceleration", Quantity::Acceleration, (0.0, f64::INFINITY)),
             ]
         }
     }
@@ -79,8 +81,8 @@ impl Effect for Backlash {
             quantity(p[1], Quantity::Position.unit(motion))
         )
     }
-    fn other_form(&self) -> Option<&'static dyn Effect> {
-        Some(&BacklashLoadSide)
+    fn other_forms(&self) -> &'static [&'static dyn Effect] {
+        &[&BacklashBraked, &BacklashLoadSide]
     }
     fn unsuited(&self, axis: Given) -> Option<&'static str> {
         undriven(axis)
@@ -91,69 +93,64 @@ impl Effect for Backlash {
     fn inner(&self) -> Option<usize> {
         Some(1)
     }
-    fn shape(&self) -> Option<(usize, f64)> {
-        Some((2, 0.0))
-    }
-    fn shapes(&self, survey: &Survey) -> Vec<f64> {
-        // As the axis, if friction is divided as inertia is; half and twice as fast, and many times, where it is mostly the load's.
-        let shares = [0.0, 0.5, 1.0, 2.0, 5.0];
-        shares.map(|share| share * survey.deceleration).to_vec()
-    }
     fn grid(&self, survey: &Survey) -> Vec<f64> {
         // A quantiser's noise is its count over √12: six counts. Beyond a tenth of the travel a gap would be seen.
         let most = 0.1 * (survey.travel.1 - survey.travel.0).max(f64::MIN_POSITIVE);
         let least = (6.0 * 12f64.sqrt() * survey.position_noise).max(1e-4 * most);
         geometric(least.min(0.5 * most), most, 14)
     }
-    /// A mass between two walls that move with the measured side, caught where it meets one. Velocities are the smoothed ones:
-    /// a wall that jitters by counts would throw the load.
     fn load(&self, inner: Inner, _q: &[f64], v: &[f64], period: f64) -> Carried {
-        let (half, braked) = (0.5 * inner[0], inner[1].max(0.0) * period);
-        let (mut y, mut rate) = (0.0_f64, 0.0);
-        let (mut ahead, mut resisting) = (vec![0.0], Vec::new());
-        for pair in v.windows(2) {
-            let before = rate;
-            let speed = pair[0] + before;
-            let slowed = speed - speed.clamp(-braked, braked);
-            rate = slowed - pair[1];
-            y += 0.5 * (before + rate) * period;
-            let mut parted = true;
-            if y.abs() >= half {
-                y = half.copysign(y);
-                // The wall holds it until it draws away.
-                if rate * y > 0.0 {
-                    rate = 0.0;
-                    parted = false;
-                }
-            }
-            ahead.push(y);
-            let along = mean_direction(pair[0], pair[1]) * braked;
-            resisting.push(if parted { (speed - slowed - along) / period } else { 0.0 });
-        }
-        if inner[1] <= 0.0 {
-            resisting.clear();
-        }
-        Carried { ahead, resisting }
+        carried(inner[0], 0.0, v, period)
     }
     fn named(&self, inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
-        vec![c[0], inner[0], inner[1]]
+        vec![c[0], inner[0]]
     }
     fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
-        ([p[1], p[2]], vec![p[0]])
+        ([p[1], 0.0], vec![p[0]])
     }
     fn admissible(&self, c: &[f64]) -> bool {
         c[0] > 0.0
     }
-    fn coupling(&self, p: &[f64], _inertia: f64, coulomb: f64) -> Option<Coupling> {
+    fn coupling(&self, p: &[f64], _inertia: f64, _coulomb: f64) -> Option<Coupling> {
         Some(Coupling {
             inertia: p[0],
             stiffness: p[0] * CONTACT * CONTACT,
             damping: 2.0 * p[0] * CONTACT,
             gap: p[1],
-            friction: (p[0] * p[2]).min(coulomb),
+            friction: 0.0,
             load_side: false,
         })
     }
+}
+
+/// A mass between two walls that move with the measured side at velocity `v`, slowed by friction of its own and caught where it
+/// meets one. Velocities are the smoothed ones: a wall that jitters by counts would throw the load.
+pub(super) fn carried(gap: f64, deceleration: f64, v: &[f64], period: f64) -> Carried {
+    let (half, braked) = (0.5 * gap, deceleration.max(0.0) * period);
+    let (mut y, mut rate) = (0.0_f64, 0.0);
+    let (mut ahead, mut resisting) = (vec![0.0], Vec::new());
+    for pair in v.windows(2) {
+        let before = rate;
+        let speed = pair[0] + before;
+        let slowed = speed - speed.clamp(-braked, braked);
+        rate = slowed - pair[1];
+        y += 0.5 * (before + rate) * period;
+        let mut parted = true;
+        if y.abs() >= half {
+            y = half.copysign(y);
+            // The wall holds it until it draws away.
+            if rate * y > 0.0 {
+                rate = 0.0;
+                parted = false;
+            }
+        }
+        ahead.push(y);
+        if braked > 0.0 {
+            let along = mean_direction(pair[0], pair[1]) * braked;
+            resisting.push(if parted { (speed - slowed - along) / period } else { 0.0 });
+        }
+    }
+    Carried { ahead, resisting }
 }
 
 /// Direction of a motion whose velocity goes from one value to another in a straight line: a mean where it changes sign.
@@ -174,21 +171,5 @@ mod tests {
         assert!((relative[400] + 0.1).abs() < 1e-12);
         assert!(relative[600].abs() < 2e-3, "{}", relative[600]);
         assert!((relative[800] - 0.1).abs() < 1e-12);
-    }
-
-    #[test]
-    fn friction_of_its_own_stops_the_load_within_the_gap() {
-        // Thrown at 1 rad/s by a side that stops at once, at 10 rad/s² it comes to rest after v²/2d = 0.05 rad and 0.1 s. Until then
-        // its friction is what the side that rests has not, and none is left when both rest.
-        let v: Vec<f64> = (0..1000).map(|k| f64::from((100..500).contains(&k))).collect();
-        let found = Backlash.load([0.2, 10.0], &[], &v, 1e-3);
-        let rest = found.ahead[700];
-        assert!((rest - (-0.1 + 0.05)).abs() < 1e-3, "{rest}");
-        assert_eq!(found.ahead[999], rest);
-        assert!((found.resisting[550] - 10.0).abs() < 1e-9);
-        assert_eq!(found.resisting[700], 0.0);
-        // A side that moves on alone, from rest, lacks all of the load's friction.
-        assert!((found.resisting[150] + 10.0).abs() < 1e-9);
-        assert_eq!(found.resisting[400], 0.0);
     }
 }

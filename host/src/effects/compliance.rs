@@ -75,8 +75,8 @@ impl Effect for Compliance {
             quantity(p[1], "Hz")
         )
     }
-    fn other_form(&self) -> Option<&'static dyn Effect> {
-        Some(&ComplianceLoadSide)
+    fn other_forms(&self) -> &'static [&'static dyn Effect] {
+        &[&ComplianceLoadSide]
     }
     fn unsuited(&self, axis: Given) -> Option<&'static str> {
         undriven(axis)

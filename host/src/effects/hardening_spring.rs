@@ -61,8 +61,8 @@ impl Effect for HardeningSpring {
             quantity(p[1], Quantity::Cubic.unit(motion))
         )
     }
-    fn other_form(&self) -> Option<&'static dyn Effect> {
-        Some(&HardeningSpringOffCentre)
+    fn other_forms(&self) -> &'static [&'static dyn Effect] {
+        &[&HardeningSpringOffCentre]
     }
     fn width(&self) -> usize {
         2
@@ -70,6 +70,9 @@ impl Effect for HardeningSpring {
     fn essential(&self) -> Option<usize> {
         // Without the cubic it is a spring.
         Some(1)
+    }
+    fn includes(&self) -> Option<&'static str> {
+        Some("spring")
     }
     fn basis(&self, _inner: Inner, at: Point, out: &mut [f64]) {
         out[0] = at.q;

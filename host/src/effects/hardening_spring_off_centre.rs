@@ -40,6 +40,9 @@ impl Effect for HardeningSpringOffCentre {
     fn essential(&self) -> Option<usize> {
         HardeningSpring.essential()
     }
+    fn includes(&self) -> Option<&'static str> {
+        HardeningSpring.includes()
+    }
     fn inner(&self) -> Option<usize> {
         Some(2)
     }
@@ -59,6 +62,7 @@ impl Effect for HardeningSpringOffCentre {
         ([p[2], 0.0], vec![p[0], p[1]])
     }
     fn admissible(&self, c: &[f64]) -> bool {
-        HardeningSpring.admissible(c)
+        // What pushes away from the middle of a travel does not rest there.
+        c[0] >= 0.0 && HardeningSpring.admissible(c)
     }
 }

@@ -8,6 +8,7 @@
 //! `τ = Σⱼ cⱼ·bⱼ(inner; t, q, v, s, u)`. Others sit elsewhere in the equation of motion: see [`Seat`]. Inner parameters (a
 //! Stribeck velocity, a delay, the instants of a load step, …) are scanned: see [`Search`].
 
+mod backlash_braked;
 mod backlash_load_side;
 mod compliance_load_side;
 mod creep;
@@ -144,10 +145,10 @@ pub trait Effect: Sync {
     /// One sentence that a person can act on, from the estimated parameters.
     fn sentence(&self, parameters: &[f64], motion: Motion) -> String;
 
-    /// The same physics in another form, which takes other parameters: as an encoder on the load shows it, or with more to it.
-    /// It has the same id.
-    fn other_form(&self) -> Option<&'static dyn Effect> {
-        None
+    /// The same physics in other forms, which take other parameters: with more to it, or as an encoder on the load shows it.
+    /// They have the same id.
+    fn other_forms(&self) -> &'static [&'static dyn Effect] {
+        &[]
     }
     /// What is taken for it and is no effect of the catalogue, if there is such physics.
     fn impostor(&self) -> Option<Impostor> {
@@ -204,6 +205,10 @@ pub trait Effect: Sync {
     }
     /// Which parameter makes it what it is, if one does: at none of it, it is another effect of the catalogue.
     fn essential(&self) -> Option<usize> {
+        None
+    }
+    /// The effect of the catalogue that is a part of it: both together are it alone.
+    fn includes(&self) -> Option<&'static str> {
         None
     }
     /// Which parameter is a second inner one, if any, and the value that it has where nothing says otherwise; without a

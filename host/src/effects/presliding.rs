@@ -36,7 +36,7 @@ pub(super) struct Presliding;
 /// Bristles of a friction law: those of Dahl.
 pub static BRISTLES: Bristles = Bristles { damped: false };
 /// Bristles of a friction law with damping `σ1`, `τ = σ0·z + σ1·ż`: those of the `LuGre` laws.
-pub static DAMPED_BRISTLES: Bristles = Bristles { damped: true };
+pub const DAMPED_BRISTLES: Bristles = Bristles { damped: true };
 
 /// Bristles as part of a friction law.
 pub struct Bristles {
@@ -103,8 +103,8 @@ impl Effect for Presliding {
             quantity(p[0], Quantity::Stiffness.unit(motion))
         )
     }
-    fn other_form(&self) -> Option<&'static dyn Effect> {
-        Some(&DAMPED_BRISTLES)
+    fn other_forms(&self) -> &'static [&'static dyn Effect] {
+        const { &[&DAMPED_BRISTLES] }
     }
     fn width(&self) -> usize {
         0

@@ -61,8 +61,8 @@ impl Effect for Spring {
             quantity(p[0], Quantity::Stiffness.unit(motion))
         )
     }
-    fn other_form(&self) -> Option<&'static dyn Effect> {
-        Some(&SpringOffCentre)
+    fn other_forms(&self) -> &'static [&'static dyn Effect] {
+        &[&SpringOffCentre]
     }
     fn basis(&self, _inner: Inner, at: Point, out: &mut [f64]) {
         out[0] = at.q;

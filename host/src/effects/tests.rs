@@ -62,8 +62,11 @@ fn every_doc_has_the_fixed_headings() {
 
 /// Every effect, in each of its forms.
 fn forms() -> impl Iterator<Item = &'static dyn Effect> {
-    let both = |effect: &&'static dyn Effect| [Some(*effect), effect.other_form()];
-    ALL.iter().flat_map(both).flatten()
+    let all = |effect: &&'static dyn Effect| {
+        let others = effect.other_forms().iter().copied();
+        [*effect].into_iter().chain(others).collect::<Vec<_>>()
+    };
+    ALL.iter().flat_map(all)
 }
 
 /// A model file tells the other form of an effect by a parameter that only that has, and they mean the same by their id.
@@ -71,9 +74,9 @@ fn forms() -> impl Iterator<Item = &'static dyn Effect> {
 fn the_other_form_of_an_effect_has_its_id_and_a_parameter_of_its_own() {
     let forms: Vec<_> = ALL
         .iter()
-        .filter_map(|e| Some((e, e.other_form()?)))
+        .flat_map(|e| e.other_forms().iter().map(move |form| (e, form)))
         .collect();
-    assert_eq!(forms.len(), 5);
+    assert_eq!(forms.len(), 6);
     for (effect, form) in forms {
         assert_eq!(effect.id(), form.id());
         let known = |name: &str| effect.parameters().iter().any(|spec| spec.name == name);

@@ -377,13 +377,14 @@ fn effect_terms(section: Option<&dyn TableLike>, axis: Given, law: &[Term]) -> C
 
 fn term(effect: &'static dyn Effect, table: &dyn TableLike) -> Checked<Term> {
     let section = format!("effects.{}", effect.id());
-    // The other form is meant where a parameter is given that only that has.
+    // Another form is meant where a parameter is given that only that has.
     let own = |name: &str| effect.parameters().iter().any(|s| s.name == name);
     let only_its = |form: &&dyn Effect| {
         let mut names = form.parameters().iter().map(|s| s.name);
         names.any(|name| !own(name) && table.contains_key(name))
     };
-    let effect = effect.other_form().filter(only_its).unwrap_or(effect);
+    let mut others = effect.other_forms().iter().copied();
+    let effect = others.find(only_its).unwrap_or(effect);
     let names: Vec<&str> = effect.parameters().iter().map(|s| s.name).collect();
     only(table, &section, &names)?;
     let mut parameters = names

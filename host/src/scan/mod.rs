@@ -142,7 +142,10 @@ impl<'a> Ground<'a> {
     }
 
     fn on_grid(&self, term: &Term) -> Result<Option<Found>> {
-        let (grid, shapes) = (term.effect.grid(&self.survey), term.effect.shapes(&self.survey));
+        let (grid, shapes) = (
+            term.effect.grid(&self.survey),
+            term.effect.shapes(&self.survey),
+        );
         let each = |&shape: &f64| (grid.iter().enumerate()).map(move |(k, &x)| (k, [x, shape]));
         let tried: Vec<(usize, Inner)> = shapes.iter().flat_map(each).collect();
         shapes
@@ -168,7 +171,8 @@ impl<'a> Ground<'a> {
             let quantity = term.effect.parameters()[k].quantity;
             quantity.is_whole(self.survey.motion)
         });
-        let around = |k: usize, grid: &[f64]| (grid[k.max(1) - 1], grid[(k + 1).min(grid.len() - 1)]);
+        let around =
+            |k: usize, grid: &[f64]| (grid[k.max(1) - 1], grid[(k + 1).min(grid.len() - 1)]);
         if grid.len() > 1 && !whole {
             self.refine(term, 0, around(k, &grid), &mut found)?;
         }
