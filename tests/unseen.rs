@@ -564,6 +564,17 @@ fn a_spring_that_rests_elsewhere_is_one_spring() {
     }
 }
 
+/// A load that is put down late shows in a few blocks of time only, which had been taken for chance.
+#[test]
+fn a_mass_that_changes_late_is_not_overlooked() {
+    let lighter = PLAIN.replace("0.012", "0.009");
+    for late in [14.0, 15.0, 15.5] {
+        let axes = |t: f64| if t < late { PLAIN } else { lighter.as_str() };
+        let json = diagnosed_under_control(axes, faithful);
+        assert_eq!(unknown(&json), "input, over time", "{late}");
+    }
+}
+
 /// Bristles that damp as they bend were not named, or with other physics beside them: one such axis was called adequate that a free
 /// run missed by 16 %.
 #[test]

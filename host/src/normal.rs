@@ -1,13 +1,4 @@
 //! Normal equations: what rows say about the parameters of a model, in sums that add up over sets of rows.
-//!
-//! # The scatter of clusters
-//! Rows that share samples or noise form a cluster `c`, with its shares `A = Jcᵀ·Jc` of `JᵀJ = M⁻¹` and `g = Jcᵀ·rc` of the
-//! gradient. Estimates scatter by what clusters do to them, `Σ M·g·gᵀ·M` (Liang and Zeger, Biometrika 73, 1986). But a fit
-//! is drawn towards each cluster, the more so the fewer of them tell a parameter, and leaves it a smaller residual than the
-//! noise that it had: `Var rc = I − Jc·M·Jcᵀ` where the noise is white. So residuals are divided by the root of that first (Bell and
-//! McCaffrey, Survey Methodology 28, 2002, their "bias reduced linearization"), which comes to `(I − A·M)^(−½)·g`. With
-//! `M = L·Lᵀ` the matrix under the root becomes symmetric, and a cluster's influence is `L·(I − Lᵀ·A·L)^(−½)·Lᵀ·g`. What one cluster alone
-//! tells has no residual: it is left out (Pustejovsky and Tipton, Journal of Business & Economic Statistics 36, 2018).
 
 use nalgebra::{DMatrix, DVector};
 
@@ -15,11 +6,6 @@ use crate::model::Model;
 
 /// Norm of a column that is zero.
 const NO_SCALE: f64 = 1e-150;
-
-/// Clusters from which on none is worth its own place in memory: each is a few thousandths of all, and its pull as little.
-const MANY: usize = 2000;
-/// What a fit leaves of the variance of a cluster at least, for its residual to say anything.
-const LEAST_LEFT: f64 = 1e-6;
 
 /// The inertia that moves, zero if it has no value.
 fn inertia(model: &Model) -> f64 {
@@ -40,54 +26,17 @@ pub struct Normal {
     products: DMatrix<f64>,
     /// `Jᵀr`.
     gradient: DVector<f64>,
-    /// The shares of clusters of rows.
-    clusters: Vec<Cluster>,
-    /// `Σ g·gᵀ` over clusters that were [`MANY`].
+    /// `Σ g·gᵀ` over clusters of rows, `g` being a cluster's share of `Jᵀr`.
     scatter: DMatrix<f64>,
     /// `rᵀr`.
     squares: f64,
-    /// Rows that were summed.
+    /// Rows and clusters that were summed.
     rows: usize,
+    clusters: usize,
     /// Energy of the encoder noise in the acceleration regressor.
     pub encoder_energy: f64,
     /// Square of the norm of what the drive contributes to the residuals.
     pub drive_squares: f64,
-}
-
-/// The shares of a cluster of rows in `JᵀJ` and `Jᵀr`.
-#[derive(Clone, Debug)]
-struct Cluster {
-    products: DMatrix<f64>,
-    gradient: DVector<f64>,
-}
-
-impl Cluster {
-    /// Shares of no rows yet.
-    fn zero(free: usize) -> Self {
-        Self {
-            products: DMatrix::zeros(free, free),
-            gradient: DVector::zeros(free),
-        }
-    }
-
-    /// How far it moves the estimates, in units in which `JᵀJ` is `(root·rootᵀ)⁻¹` and parameters are multiplied by `scale`.
-    fn influence(&self, root: &DMatrix<f64>, scale: &[f64]) -> DVector<f64> {
-        let products = DMatrix::from_fn(scale.len(), scale.len(), |i, j| {
-            self.products[(i, j)] / (scale[i] * scale[j])
-        });
-        let gradient = DVector::from_fn(scale.len(), |i, _| self.gradient[i] / scale[i]);
-        let pull = root.tr_mul(&(products * root)).symmetric_eigen();
-        let mut along = pull.eigenvectors.tr_mul(&root.tr_mul(&gradient));
-        for (along, pull) in along.iter_mut().zip(&pull.eigenvalues) {
-            let left = 1.0 - pull;
-            *along *= if left > LEAST_LEFT {
-                left.powf(-0.5)
-            } else {
-                0.0
-            };
-        }
-        root * (pull.eigenvectors * along)
-    }
 }
 
 impl Normal {
@@ -96,10 +45,10 @@ impl Normal {
         Self {
             products: DMatrix::zeros(free, free),
             gradient: DVector::zeros(free),
-            clusters: Vec::new(),
             scatter: DMatrix::zeros(free, free),
             squares: 0.0,
             rows: 0,
+            clusters: 0,
             encoder_energy: 0.0,
             drive_squares: 0.0,
         }
@@ -109,23 +58,19 @@ impl Normal {
     pub fn new(jacobian: &DMatrix<f64>, residual: &DVector<f64>, clusters: &[usize]) -> Self {
         let free = jacobian.ncols();
         let count = clusters.iter().max().map_or(0, |c| c + 1);
-        let mut shares = vec![Cluster::zero(free); count];
+        let mut gradients = DMatrix::<f64>::zeros(free, count);
         for (row, &cluster) in clusters.iter().enumerate() {
-            let Cluster { products, gradient } = &mut shares[cluster];
             for j in 0..free {
-                gradient[j] += jacobian[(row, j)] * residual[row];
-                for i in 0..free {
-                    products[(i, j)] += jacobian[(row, i)] * jacobian[(row, j)];
-                }
+                gradients[(j, cluster)] += jacobian[(row, j)] * residual[row];
             }
         }
         Self {
             products: jacobian.tr_mul(jacobian),
             gradient: jacobian.tr_mul(residual),
-            clusters: shares,
-            scatter: DMatrix::zeros(free, free),
+            scatter: &gradients * gradients.transpose(),
             squares: residual.norm_squared(),
             rows: residual.len(),
+            clusters: count,
             encoder_energy: 0.0,
             drive_squares: 0.0,
         }
@@ -135,15 +80,10 @@ impl Normal {
     pub fn add(&mut self, other: &Self) {
         self.products += &other.products;
         self.gradient += &other.gradient;
-        self.clusters.extend_from_slice(&other.clusters);
         self.scatter += &other.scatter;
-        if self.clusters.len() > MANY {
-            for Cluster { gradient, .. } in self.clusters.drain(..) {
-                self.scatter.ger(1.0, &gradient, &gradient, 1.0);
-            }
-        }
         self.squares += other.squares;
         self.rows += other.rows;
+        self.clusters += other.clusters;
         self.encoder_energy += other.encoder_energy;
         self.drive_squares += other.drive_squares;
     }
@@ -208,12 +148,9 @@ impl Normal {
         let scatter = DMatrix::from_fn(free, free, |i, j| {
             self.scatter[(i, j)] / (scale[i] * scale[j])
         });
-        let mut sandwich = &inverse * scatter * &inverse;
-        let root = inverse.clone().cholesky()?.l();
-        for cluster in &self.clusters {
-            let influence = cluster.influence(&root, &scale);
-            sandwich.ger(1.0, &influence, &influence, 1.0);
-        }
+        let clusters = self.clusters as f64;
+        let small_sample = clusters / (clusters - 1.0).max(1.0);
+        let sandwich = &inverse * scatter * &inverse * small_sample;
         Some((inverse * sigma2, sandwich, scale))
     }
 

@@ -1,6 +1,6 @@
 //! # What it is
-//! A restoring torque with a cubic part: `τ = stiffness·q + cubic·q³`, cubic > 0, at rest where `q = 0`; or the same of
-//! `q − rest`, as encoders count from anywhere.
+//! A restoring torque with a cubic part: `τ = stiffness·q + cubic·q³`, cubic > 0, at rest where `q = 0`; or, with a `rest`
+//! position, the same of `q − rest`, as encoders count from anywhere.
 //!
 //! # What it looks like in a recording
 //! Little happens in the middle of the travel, much at its ends. The residual is a cubic in position.

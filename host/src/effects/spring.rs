@@ -1,7 +1,7 @@
 //! # What it is
 //! A restoring torque linear in position: `τ = stiffness·q`, stiffness > 0, at rest where `q = 0`; or
 //! `τ = stiffness·(q − rest)`, as encoders count from anywhere. A constant offset beside a spring says the same as another
-//! `rest`, so `diagnose` names the spring alone.
+//! `rest` position, so `diagnose` names the spring alone.
 //!
 //! # What it looks like in a recording
 //! The axis needs a drive that grows with its distance from where it rests. The residual is a straight line in position.
