@@ -372,6 +372,7 @@ fn a_load_swings_on_while_the_driven_side_creeps() {
         stiffness: inertia * (TAU * 5.0).powi(2),
         damping: 0.0,
         gap: 0.0,
+        friction: 0.0,
         load_side: false,
     };
     let loaded = Loaded::new(axis, coupling);
@@ -388,6 +389,47 @@ fn a_load_swings_on_while_the_driven_side_creeps() {
         assert!((state.x[2] - ahead).abs() < 1e-3, "{:?}", state.x);
         assert!(state.x[0].abs() < 1e-4, "{:?}", state.x);
     }
+}
+
+/// Of 0.1 N·m of friction 0.06 is that of a load beyond a gap. Pushing it the driven side stands against 0.08 N·m; away from it
+/// that side has 0.04 to overcome and 0.006 kg·m² to move, and the load stays where it is.
+#[test]
+fn a_load_with_friction_of_its_own_stands_while_the_driven_side_leaves_it() {
+    let text = "[plant]\nmotion = \"rotary\"\ninertia = 0.01\n[friction]\nmodel = \"coulomb-viscous\"\ncoulomb = 0.1\nviscous = 0.0\n";
+    let after = |u: f64| {
+        let axis = Axis::simulated(&model(text)).expect("the model is complete");
+        let coupling = Coupling {
+            inertia: 0.004,
+            stiffness: 0.004 * 2000.0 * 2000.0,
+            damping: 2.0 * 0.004 * 2000.0,
+            gap: 0.2,
+            friction: 0.06,
+            load_side: false,
+        };
+        let loaded = Loaded::new(axis, coupling);
+        let mut state = Memory {
+            x: loaded.carrying(State { q: 0.0, v: 0.0 }, [-0.1, 0.0]),
+            z: 0.0,
+        };
+        let drive = Drive {
+            u,
+            ..Drive::default()
+        };
+        for _ in 0..200 {
+            state = advance(&loaded, drive, state, 1e-3);
+        }
+        state.x
+    };
+    let [q, v, ..] = after(0.08);
+    assert_eq!([q, v], [0.0, 0.0]);
+    let [q, v, ahead, _] = after(-0.08);
+    let acceleration = -(0.08 - 0.04) / 0.006;
+    assert!((v / (0.2 * acceleration) - 1.0).abs() < 1e-3, "{v}");
+    assert!((q / (0.02 * acceleration) - 1.0).abs() < 1e-3, "{q}");
+    assert!((q + ahead + 0.1).abs() < 1e-6, "{ahead}");
+    // Both together: 0.02 N·m beyond all friction on 0.01 kg·m².
+    let [_, v, ..] = after(0.12);
+    assert!((v / (0.2 * 0.02 / 0.01) - 1.0).abs() < 0.02, "{v}");
 }
 
 #[test]

@@ -159,7 +159,7 @@ fn two_effects_at_once_are_named() {
             ["viscous-asymmetry", "direction-asymmetry"],
         ),
         (
-            4_100_049,
+            4_100_048,
             0.3,
             High,
             ["hardening-spring", "direction-asymmetry"],

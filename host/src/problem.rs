@@ -67,8 +67,6 @@ type Signals = Arc<Vec<Vec<Vec<f64>>>>;
 /// What the columns of an effect are cached by.
 fn key(effect: &'static dyn Effect, inner: Inner, direction: &Direction, path: &Path) -> Key {
     let mut key = inner.map(f64::to_bits).to_vec();
-    // What tells the forms of an effect from each other here.
-    key.push(effect.width() as u64);
     key.extend(direction.bristled);
     key.extend(if effect.driven() {
         path.bits()

@@ -1,5 +1,6 @@
 //! What the diagnosis says of each recording, which is all that it sees.
 
+use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
@@ -120,7 +121,10 @@ pub fn write(answers: &[Answer], folder: &Path) -> Result<(), String> {
         let [before, after] = said.held_out;
         let truth = true_model.unwrap_or(f64::NAN);
         let (label, verdict, findings) = (label.line(), said.verdict, findings.join("+"));
-        lines += &format!("{label},{verdict:?},{findings},{before:.4},{after:.4},{truth:.4}\n");
+        let _ = writeln!(
+            lines,
+            "{label},{verdict:?},{findings},{before:.4},{after:.4},{truth:.4}"
+        );
     }
     let path = folder.join("answers.csv");
     fs::write(&path, lines).map_err(|e| format!("{}: {e}", path.display()))

@@ -2,6 +2,7 @@
 
 mod confirm;
 mod findings;
+mod forms;
 mod given;
 mod leftover;
 mod locate;

@@ -5,15 +5,15 @@ use std::collections::HashSet;
 use rayon::prelude::*;
 
 use super::trial::{Base, Trial};
-use super::{confirm, pairs};
+use super::{confirm, forms, pairs};
 use crate::effects::{self, Effect};
 use crate::error::Result;
 use crate::fit::{self, Parts};
 use crate::identify::{self, Workbench};
 use crate::model::Model;
 use crate::recording::Recording;
+use crate::scan;
 use crate::weak::Part;
-use crate::{scan, system};
 
 /// Share by which the cross-validated squared error must fall: 10 % of the RMS error. Reversals and coloured noise
 /// leave artefacts that are statistically significant but stay below this on clean recordings; the rate of false
@@ -129,16 +129,28 @@ pub(super) fn select(
             Some(found) => found,
             None => match beside_a_bent_law(&open, &current)? {
                 Some(found) => found,
-                None => break,
+                None if scope.fast => break,
+                None => match forms::unfolded(&open, model, &selected, &current, recordings)? {
+                    Some(unfolded) => {
+                        (selected, current) = unfolded;
+                        continue;
+                    }
+                    None => break,
+                },
             },
         };
         let id = found.trial.effect.id();
-        let Ok((found, next)) = in_best_form(bench, &current, found) else {
+        let Ok((found, next)) = forms::in_best(bench, &current, found) else {
             unfit.push(id);
             continue;
         };
         selected.push(found);
-        current = absorbed(bench, model, &mut selected, next);
+        // What narrow windows show says nothing of the others.
+        current = if scope.fast {
+            next
+        } else {
+            forms::absorbed(bench, model, &mut selected, next)
+        };
         current = reexamine(scope, model, &mut selected, current, recordings)?;
         scan::tell_later_ends(&bench.problem, &bench.noise, &mut current);
     }
@@ -168,124 +180,6 @@ fn beside_a_bent_law(scope: &Scope, model: &Model) -> Result<Option<Selected>> {
     likely.truncate(LIKELIEST);
     let fitted = fitted(&base, model, likely)?.into_iter();
     Ok(Selected::first(fitted.filter(scope.passes), false))
-}
-
-/// What was found in a model, or the rival that has more evidence in a form with more to it.
-fn in_best_form(bench: &Workbench, model: &Model, found: Selected) -> Result<(Selected, Model)> {
-    let best = in_better_form(bench, model, found.clone())?;
-    let close = |other: &&Trial| other.delta_bic >= 0.5 * found.trial.delta_bic;
-    let rivals = (found.others.iter().filter(close)).filter(|o| richer(o.effect).is_some());
-    let instead = |rival: &Trial| {
-        let stood = found.others.iter().chain([&found.trial]);
-        let others = stood.filter(|o| o.effect.id() != rival.effect.id());
-        let rival = Selected {
-            trial: rival.clone(),
-            fast: found.fast,
-            others: others.cloned().collect(),
-        };
-        in_better_form(bench, model, rival).ok()
-    };
-    let evidence = |(found, _): &(Selected, Model)| found.trial.delta_bic;
-    let better = |best: (Selected, Model), other| {
-        if evidence(&other) > evidence(&best) {
-            other
-        } else {
-            best
-        }
-    };
-    Ok(rivals.filter_map(instead).fold(best, better))
-}
-
-/// A found effect in a model, in its other form if there is more to it in that and the evidence is better. What bends bristles is
-/// what they hold: more to them tells only once the whole model is fitted with it.
-fn in_better_form(bench: &Workbench, model: &Model, found: Selected) -> Result<(Selected, Model)> {
-    let own = found.trial.effect;
-    let (next, chi2) = bench.estimate(&with_trial(model, &found.trial))?;
-    let Some(other) = richer(own) else {
-        return Ok((found, next));
-    };
-    let Ok((richer, least)) = bench.estimate(&model.with_effect(other)) else {
-        return Ok((found, next));
-    };
-    let parameters = other.parameters().len() - own.parameters().len();
-    let price = parameters as f64 * bench.training_rows().ln();
-    let gained = chi2 - least - price;
-    let term = richer.terms.last().filter(|_| gained > 0.0);
-    let Some(term) = term else {
-        return Ok((found, next));
-    };
-    let (inner, _) = other.linear(&system::values(term), richer.scale());
-    let trial = Trial {
-        effect: other,
-        inner,
-        delta_bic: found.trial.delta_bic + gained,
-        price: found.trial.price + price,
-        ..found.trial
-    };
-    Ok((Selected { trial, ..found }, richer))
-}
-
-/// The form of an effect with more to it, if it has one.
-fn richer(effect: &dyn Effect) -> Option<&'static dyn Effect> {
-    let more = |form: &&dyn Effect| form.parameters().len() > effect.parameters().len();
-    let mut others = effect.other_forms().iter().copied();
-    others.find(|form| more(form) && !form.on_load_side())
-}
-
-/// The model without effects that another makes up for in its form with more to it, as a spring that rests elsewhere does for an
-/// offset, and a hardening spring that does for a spring: an effect more has to be worth its evidence.
-fn absorbed(
-    bench: &Workbench,
-    baseline: &Model,
-    selected: &mut Vec<Selected>,
-    full: Model,
-) -> Model {
-    let mut current = full;
-    let mut rich = 0;
-    while rich < selected.len() {
-        let plain = effects::find(selected[rich].trial.effect.id());
-        let found = (plain.and_then(richer))
-            .and_then(|form| without_another(bench, baseline, (selected, &current), rich, form));
-        match found {
-            Some((poor, instead, trial)) => {
-                selected[rich].trial = trial;
-                selected.remove(poor);
-                (current, rich) = (instead, 0);
-            }
-            None => rich += 1,
-        }
-    }
-    current
-}
-
-/// The first effect that is not needed beside another in a richer form, the model without it, and the trial of that form.
-fn without_another(
-    bench: &Workbench,
-    baseline: &Model,
-    (selected, current): (&[Selected], &Model),
-    rich: usize,
-    form: &'static dyn Effect,
-) -> Option<(usize, Model, Trial)> {
-    let first = baseline.terms.len();
-    let (_, before) = bench.estimate(current).ok()?;
-    (0..selected.len()).filter(|&k| k != rich).find_map(|poor| {
-        let mut instead = current.with_effect(form);
-        instead.terms.swap_remove(first + rich);
-        instead.terms.remove(first + poor);
-        let (instead, after) = bench.estimate(&instead).ok()?;
-        let term = instead
-            .terms
-            .iter()
-            .find(|t| effects::same_form(t.effect, form))?;
-        let (inner, _) = form.linear(&system::values(term), instead.scale());
-        let trial = Trial {
-            effect: form,
-            inner,
-            ..selected[rich].trial.clone()
-        };
-        let part = form.includes() == Some(selected[poor].trial.effect.id());
-        (part || after - before < LEAST_DELTA_BIC).then_some((poor, instead, trial))
-    })
 }
 
 /// The model with the effect of a trial, started from the trial's inner parameter.

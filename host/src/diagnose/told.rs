@@ -41,9 +41,14 @@ pub(super) fn doubt(term: &Term) -> Option<f64> {
         .map(|(k, _)| errors(k))
         .reduce(f64::max)
         .filter(|_| !effect.hangs() && !term.bends());
+    // Among places of either sign, as where a spring rests, zero is one like any other.
+    let signed = |k: usize| {
+        let spec = &effect.parameters()[k];
+        spec.quantity == Quantity::Position && spec.bounds.0 < 0.0
+    };
     let scanned = effect
         .inner()
-        .filter(|_| effect.search() != Search::Interval && !term.bends());
+        .filter(|&k| effect.search() != Search::Interval && !term.bends() && !signed(k));
     // Of a lag or a dead zone the scanned parameter is the size as well.
     let enough = if effect.width() == 0 { TOLD } else { PLACED };
     let shares = [

@@ -2,10 +2,8 @@
 //! `τ = stiffness·(q − rest) + cubic·(q − rest)³`.
 
 use super::hardening_spring::HardeningSpring;
+use super::spring_off_centre::SpringOffCentre;
 use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Scale, Spec, Survey};
-
-/// Rest positions that are tried: between neighbours the cubic is smooth.
-const PLACES: usize = 15;
 
 pub(super) struct HardeningSpringOffCentre;
 
@@ -47,9 +45,7 @@ impl Effect for HardeningSpringOffCentre {
         Some(2)
     }
     fn grid(&self, survey: &Survey) -> Vec<f64> {
-        let (low, high) = survey.travel;
-        let step = (high - low) / (PLACES - 1) as f64;
-        (0..PLACES).map(|k| low + k as f64 * step).collect()
+        SpringOffCentre.grid(survey)
     }
     fn basis(&self, inner: Inner, at: Point, out: &mut [f64]) {
         let q = at.q - inner[0];

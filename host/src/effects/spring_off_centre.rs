@@ -1,7 +1,10 @@
 //! A spring that rests elsewhere than where the position counts from: `τ = stiffness·(q − rest)`.
 
 use super::spring::Spring;
-use super::{Confusion, Effect, FREE, Inner, Motion, Point, Quantity, Scale, Spec};
+use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Scale, Spec, Survey};
+
+/// Rest positions that are tried: between neighbours what a spring does is smooth.
+const PLACES: usize = 15;
 
 pub(super) struct SpringOffCentre;
 
@@ -29,21 +32,23 @@ impl Effect for SpringOffCentre {
     fn sentence(&self, p: &[f64], motion: Motion) -> String {
         Spring.sentence(p, motion)
     }
-    fn width(&self) -> usize {
-        2
+    fn inner(&self) -> Option<usize> {
+        Some(1)
     }
-    fn essential(&self) -> Option<usize> {
-        // Where it rests says nothing of whether it is there.
-        Some(0)
+    /// Places along the travel. A spring that rests far beyond it is an offset that hardly varies.
+    fn grid(&self, survey: &Survey) -> Vec<f64> {
+        let (low, high) = survey.travel;
+        let step = (high - low) / (PLACES - 1) as f64;
+        (0..PLACES).map(|k| low + k as f64 * step).collect()
     }
-    fn basis(&self, _inner: Inner, at: Point, out: &mut [f64]) {
-        (out[0], out[1]) = (at.q, 1.0);
+    fn basis(&self, inner: Inner, at: Point, out: &mut [f64]) {
+        out[0] = at.q - inner[0];
     }
-    fn named(&self, _inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
-        vec![c[0], -c[1] / c[0]]
+    fn named(&self, inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
+        vec![c[0], inner[0]]
     }
     fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
-        (FREE, vec![p[0], -p[0] * p[1]])
+        ([p[1], 0.0], vec![p[0]])
     }
     fn admissible(&self, c: &[f64]) -> bool {
         Spring.admissible(c)

@@ -575,7 +575,12 @@ fn keep_in_reach(problem: &Problem, model: &mut Model) {
         if let [low, .., high] = grid[..]
             && !parameter.known
         {
-            let (low, high) = (low * least, high * most);
+            // A factor is no measure of places on both sides of zero.
+            let (low, high) = if low > 0.0 {
+                (low * least, high * most)
+            } else {
+                (low, high)
+            };
             parameter.min = Some(parameter.min.map_or(low, |min| min.max(low)));
             parameter.max = Some(parameter.max.map_or(high, |max| max.min(high)));
         }
