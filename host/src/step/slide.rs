@@ -168,7 +168,7 @@ fn runge_kutta<const N: usize>(
 /// velocity that the step is about, its own change at least: a slope that grows without bound towards standstill, like
 /// that of a power law, acts for an instant that the step passes over anyway.
 ///
-/// What this finds of the friction at `x` is given back where that slides.
+/// What this finds of the friction at `x` is given back where that slides and nothing hangs behind the contact that takes its share.
 fn substeps<const N: usize>(
     plant: &impl Mechanism<N>,
     drive: Drive,
@@ -194,5 +194,5 @@ fn substeps<const N: usize>(
     let damping = (resistance(at.q, v + s * dv) - here) / (dv * plant.inertia());
     let stiffness = (resistance(at.q + dq, v) - here) / (dq * plant.inertia());
     let count = parts(damping.abs().max(stiffness.abs().sqrt()));
-    (count, (at.v != 0.0).then_some(now))
+    (count, (N == 2 && at.v != 0.0).then_some(now))
 }

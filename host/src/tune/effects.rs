@@ -23,7 +23,8 @@ pub(super) fn of(model: &Model, drive: &Drive, count: f64) -> Result<Effects<f64
             "spring" => {
                 effects.stiffness += value(0);
                 // A spring that rests elsewhere is one about zero with a constant beside it.
-                effects.offset -= value(0) * term.parameters.get(1).map_or(0.0, |_| value(1));
+                let rest = term.parameters.get(1).and_then(|rest| rest.value);
+                effects.offset -= value(0) * rest.unwrap_or_default();
             }
             "gravity" => place(
                 &mut effects,

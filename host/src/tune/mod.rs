@@ -306,6 +306,23 @@ mod tests {
         assert_eq!(super::left_alone(&found), ["quadratic-drag"]);
     }
 
+    /// `0.2·(q − 0.35)` is a spring about zero and a constant of −0.07 N·m.
+    #[test]
+    fn a_spring_that_rests_elsewhere_reaches_the_controller() {
+        let plain = "[plant]\nmotion = \"rotary\"\ninertia = 0.002\n[friction]\ncoulomb = 0.1\nviscous = 0.015\n";
+        let with = |effects: &str| {
+            let found = Model::parse(&format!("{plain}{effects}")).unwrap();
+            parameters(&found, &WISH).unwrap().effects
+        };
+        let aside = with("[effects.spring]\nstiffness = 0.2\nrest = 0.35\n");
+        let beside = with(
+            "[effects.spring]\nstiffness = 0.2\n[effects.direction-asymmetry]\noffset = -0.07\n",
+        );
+        assert_eq!(aside.stiffness, beside.stiffness);
+        assert!((aside.offset - beside.offset).abs() < 1e-12);
+        assert!(aside.offset < 0.0);
+    }
+
     /// A controller crosses a gap behind the encoder; before the encoder it is another one, whose parameters mean other things.
     #[test]
     fn a_gap_before_the_encoder_is_left_alone() {
