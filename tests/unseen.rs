@@ -415,6 +415,68 @@ fn a_fading_gain_is_noticed() {
     }
 }
 
+/// What an amplifier makes of a command that it cannot follow at once, or when it sticks to what it gave, is neither a lag nor
+/// friction, which is what it had been called.
+#[test]
+fn an_amplifier_with_a_memory_is_noticed() {
+    let slewed = |y: f64, u: f64| y + (u - y).clamp(-2.5e-3, 2.5e-3);
+    let played = |y: f64, u: f64| y.clamp(u - 0.05, u + 0.05);
+    let amplifiers: [fn(f64, f64) -> f64; 2] = [slewed, played];
+    // Many waves without a common period, so that what is lacking is no line over time.
+    let waves = |t: f64| {
+        let wave = |k: i32| (TAU * 0.13 * 1.29_f64.powi(k) * t + f64::from(k * k)).sin();
+        0.13 * (0..12).map(wave).sum::<f64>()
+    };
+    for amplifier in amplifiers {
+        let commands = (0..24_000).map(|k| waves(f64::from(k) * 1e-3));
+        let lacking = commands.scan(0.0, |y, u| {
+            *y = amplifier(*y, u);
+            Some(u - *y)
+        });
+        let lacking: Vec<f64> = lacking.collect();
+        let at = |t: f64| lacking[(1000.0 * t).round() as usize];
+        let json = diagnosed_against(|t, v| friction(v) + at(t), waves, 24);
+        assert_eq!(unknown(&json), "input, with a memory");
+    }
+}
+
+/// A guide with dents at some places pulls at random over the travel, which is no cogging.
+#[test]
+fn a_force_without_a_period_over_the_travel_is_noticed() {
+    let dents = [-1.1, -0.75, -0.52, -0.1, 0.07, 0.41, 0.66, 1.02, 1.3, 1.71];
+    let pull = |q: f64| {
+        let dent = |(k, at): (usize, &f64)| {
+            let x = (q - at) / 0.06;
+            [0.08, -0.05, 0.06][k % 3] * x * (-0.5 * x * x).exp()
+        };
+        dents.iter().enumerate().map(dent).sum::<f64>()
+    };
+    let json = diagnosed_under_control(|_| PLAIN, |_, state, u| u + pull(state.q));
+    assert_eq!(unknown(&json), "position, in detail");
+}
+
+/// An eddy-current brake past its peak: power law and quadratic drag together come near its curve.
+#[test]
+fn two_curves_that_leave_something_are_no_names() {
+    let brake = |v: f64| 0.1 * v / (1.0 + (v / 1.2).powi(2));
+    let json = diagnosed_against(|_, v| friction(v) + brake(v), three_waves, 24);
+    assert_eq!(unknown(&json), "velocity");
+}
+
+/// A payload on soft rubber swings below what the windows resolve within themselves. It had been taken for a gap.
+#[test]
+fn a_load_that_swings_slowly_is_named() {
+    for hertz in [1.2, 2.1] {
+        let effect = format!(
+            "[effects.compliance]\nload_inertia = 0.003\nantiresonance = {hertz}\ndamping_ratio = 0.1\n"
+        );
+        let json = diagnosed(&effect, "multisine --amplitude 1 --band 0.1:4 --control pd");
+        let finding = only_finding(&json, "compliance", 0.2);
+        let found = value(finding, "antiresonance");
+        assert!((found / hertz - 1.0).abs() < 0.02, "{finding}");
+    }
+}
+
 /// A baseline that knows the winding of its motor leaves no lag out, and the inertia is the axis's own: back-EMF passes the
 /// winding as well, which without it would take 9 % off what the drive must accelerate.
 #[test]

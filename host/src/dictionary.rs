@@ -4,10 +4,14 @@
 //! systematic, so its residual shows the noise; and the coordinate whose group helps most says where something
 //! that no effect of the catalogue explains lives.
 
+use std::f64::consts::TAU;
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use crate::effects::Path;
-use crate::problem::{Column, Problem, Response};
+use crate::motion::Motion;
+use crate::problem::{Column, Problem, Response, Row};
 use crate::weak::Track;
 
 /// The functions of one coordinate.
@@ -38,10 +42,30 @@ const COORDINATES: [&str; 9] = [
 ];
 
 /// What else it may depend on. With these as well, a fit to a short recording follows its noise too.
-const RARER: [&str; 3] = ["position and squared velocity", "input, over time", INERTIA];
+const RARER: [&str; 5] = [
+    SQUARES,
+    "position, in detail",
+    "input, over time",
+    "input, with a memory",
+    INERTIA,
+];
+
+/// What an inertia that changes along the travel brings with it.
+pub const SQUARES: &str = "position and squared velocity";
+/// All that such an inertia does.
+pub const OVER_POSITION: &str = "position, as inertia";
 
 /// The functions of the acceleration, which are left out where that is the response.
 const INERTIA: &str = "time, as inertia";
+
+/// Spans between the knots along a turn or a travel: ten degrees each of a turn.
+const PLACES: usize = 36;
+
+/// Half-widths of plays, as shares of an input's RMS.
+const PLAYS: [f64; 4] = [0.1, 0.2, 0.4, 0.8];
+
+/// Times in which an input can change by its RMS, s: ratios of √3 from a fast amplifier to a slow valve.
+const SLEWS: [f64; 8] = [0.02, 0.035, 0.06, 0.1, 0.18, 0.31, 0.54, 0.94];
 
 /// Knots along velocity, position and input; a short recording carries fewer.
 fn knots(samples: usize) -> usize {
@@ -50,7 +74,7 @@ fn knots(samples: usize) -> usize {
 
 impl Dictionary {
     /// Lays the knots. They are common to all tracks, so that columns mean the same on each.
-    pub fn new(tracks: &[Track]) -> Self {
+    pub fn new(tracks: &[Track], motion: Motion) -> Self {
         let every = |f: &dyn Fn(&Track, usize) -> f64| -> Vec<f64> {
             tracks
                 .iter()
@@ -60,9 +84,11 @@ impl Dictionary {
         let count = knots(tracks.iter().map(|t| t.cells.len()).sum());
         let path = Path::default();
         let inputs = tracks.iter().flat_map(|t| t.input(&path)).collect();
+        let positions = every(&|t, k| t.cells[k].q);
         let grids = Grids {
+            places: Places::new(&positions, motion),
             speed: quantiles(every(&|t, k| t.cells[k].v.abs()), count),
-            position: quantiles(every(&|t, k| t.cells[k].q), count + 2),
+            position: quantiles(positions, count + 2),
             input: quantiles(inputs, count),
             travel: largest(every(&|t, k| t.cells[k].v.abs() * t.period)),
             times: count,
@@ -120,6 +146,24 @@ impl Dictionary {
         columns
     }
 
+    /// What an inertia over position would do, `J(q)·q̈ + J′(q)·q̇²/2`: `acceleration`, that of every row, times functions of
+    /// position, which change little within a window, and the functions of position and squared velocity.
+    pub fn inertia_over_position(&self, problem: &Problem, acceleration: &[f64]) -> Group {
+        let knots = &self.grids.position;
+        let place = |row: &Row| problem.tracks[row.track].cells[row.centre].q;
+        let rows = || problem.rows.iter().zip(acceleration);
+        let at = |j: usize| {
+            let column = rows().map(|(row, a)| a * hat(knots, j, place(row)));
+            Arc::new(column.collect())
+        };
+        let squares = self.of([(COORDINATES.len(), SQUARES)].into_iter(), problem);
+        let squares = squares.into_iter().flat_map(|group| group.columns);
+        Group {
+            coordinate: OVER_POSITION,
+            columns: (0..knots.len()).map(at).chain(squares).collect(),
+        }
+    }
+
     /// The inertial torque times functions of time, which hardly change within a window.
     fn inertia_over_time(&self, problem: &Problem) -> Vec<Vec<f64>> {
         let knots = problem.tracks.iter().map(|t| times(t, self.grids.times));
@@ -143,9 +187,35 @@ fn times(track: &Track, count: usize) -> Vec<f64> {
 struct Grids {
     speed: Vec<f64>,
     position: Vec<f64>,
+    places: Places,
     input: Vec<f64>,
     travel: f64,
     times: usize,
+}
+
+/// Knots close to each other along a turn, or along a travel that is less.
+struct Places {
+    /// What a place comes back after, if the travel is so long.
+    turn: Option<f64>,
+    knots: Vec<f64>,
+}
+
+impl Places {
+    fn new(positions: &[f64], motion: Motion) -> Self {
+        let fold = |f: fn(f64, f64) -> f64| positions.iter().copied().reduce(f).unwrap_or_default();
+        let (low, high) = (fold(f64::min), fold(f64::max));
+        let turns = motion == Motion::Rotary && high - low > TAU;
+        let (from, span) = if turns { (0.0, TAU) } else { (low, high - low) };
+        let knot = |k: usize| from + span * k as f64 / PLACES as f64;
+        Self {
+            turn: turns.then_some(TAU),
+            knots: (0..=PLACES).map(knot).collect(),
+        }
+    }
+
+    fn of(&self, q: f64) -> f64 {
+        self.turn.map_or(q, |turn| q.rem_euclid(turn))
+    }
 }
 
 /// The signals of one coordinate in every cell of a track, one for each function.
@@ -181,10 +251,12 @@ fn signals(coordinate: &str, track: &Track, grids: &Grids) -> Vec<Vec<f64>> {
         "position and squared velocity" => {
             table(&grids.position, &position, &|k| cells[k].v * cells[k].v)
         }
+        "position, in detail" => table(&grids.places.knots, &|k| grids.places.of(cells[k].q), &one),
         "input, over time" => {
             let input = track.input(&Path::default());
             table(&times(track, grids.times), &time, &|k| input[k])
         }
+        "input, with a memory" => histories(&track.input(&Path::default()), track.period),
         "time" => table(&times(track, grids.times), &time, &one),
         "time, as friction" => both(
             table(&times(track, grids.times), &time, &sign),
@@ -201,6 +273,27 @@ fn signals(coordinate: &str, track: &Track, grids: &Grids) -> Vec<Vec<f64>> {
         }
         _ => memories(track, grids.travel),
     }
+}
+
+/// What an amplifier with a memory may make of an input: what is left of it behind plays of several widths, and what it becomes
+/// if it cannot change faster than at several rates. Both are measured by its RMS.
+fn histories(input: &[f64], period: f64) -> Vec<Vec<f64>> {
+    let rms = (input.iter().map(|u| u * u).sum::<f64>() / input.len() as f64).sqrt();
+    let follow = |within: &dyn Fn(f64, f64) -> f64| -> Vec<f64> {
+        let mut y = input.first().copied().unwrap_or_default();
+        let behind = input.iter().map(|u| {
+            y = within(y, *u);
+            y
+        });
+        behind.collect()
+    };
+    let play = |width: f64| follow(&|y, u| y.clamp(u - width * rms, u + width * rms));
+    let slewed = |time: f64| {
+        let step = rms * period / time;
+        follow(&|y, u| u.clamp(y - step, y + step))
+    };
+    let plays = PLAYS.map(play).into_iter();
+    plays.chain(SLEWS.map(slewed)).collect()
 }
 
 /// Direction with a memory of the travel since reversal: `h ← σ + (h − σ)·e^(−|Δq|/x₀)`, σ = sgn Δq.

@@ -121,6 +121,21 @@ impl Noise {
         energy / DRAWS as f64
     }
 
+    /// The same without what neighbouring rows have in common.
+    #[must_use]
+    pub fn without_colour(&self) -> Self {
+        let plain = || Line::new(&[1.0]);
+        let bare = |block: &Block| Block {
+            lines: block.lines.iter().map(|_| plain()).collect(),
+            ..*block
+        };
+        Self {
+            weight: vec![1.0; self.weight.len()],
+            blocks: self.blocks.iter().map(bare).collect(),
+            ..self.clone()
+        }
+    }
+
     /// Whitened values, one for each row.
     pub fn whiten(&self, rows: &[f64]) -> Vec<f64> {
         let [whitened] = self.side_by_side([rows], &|_| true);

@@ -4,11 +4,12 @@ use rayon::prelude::*;
 
 use super::select::{FLOOR, SOUGHT};
 use super::trial::{Base, Generic};
+use crate::dictionary::{Group, OVER_POSITION, SQUARES};
 use crate::effects::Path;
 use crate::error::Result;
 use crate::identify::Workbench;
 use crate::model::Model;
-use crate::problem::Direction;
+use crate::problem::{Direction, Response};
 use crate::system;
 
 /// Torque that no effect explains counts from this share of the drive's RMS on: a sixth of [`SOUGHT`], and about what
@@ -19,8 +20,10 @@ const TIMING: f64 = 0.1;
 
 /// What generic functions of each coordinate gain on top of a model.
 pub(super) struct Leftover {
-    /// Gain of the whole dictionary.
+    /// The largest gain of any look.
     pub gain: f64,
+    /// The largest of whitened rows: what compares with the errors of models.
+    pub whitened: f64,
     /// RMS torque of all that is left, over the RMS of the drive.
     left: f64,
     /// Whether something is certainly left: large enough to matter, and no chance of a few blocks, or as large as effects that
@@ -39,40 +42,34 @@ impl Leftover {
     /// Has one coordinate certainly come first, with its gain.
     pub fn is_told_by(&mut self, coordinate: &'static str, gain: f64) {
         self.gain = self.gain.max(gain);
+        self.whitened = self.whitened.max(gain);
         self.coordinates.retain(|(name, _)| *name != coordinate);
         self.coordinates.insert(0, (coordinate, gain));
         self.certain = true;
     }
 }
 
+/// The name of a coordinate, and the whitened functions of it.
+type Whitened = (&'static str, Vec<Vec<f64>>);
+
+/// What functions of each coordinate gain, and all of them together.
+type Look = (Vec<(&'static str, Generic)>, Generic);
+
 /// What is left for generic functions on top of a model.
 pub(super) fn of(bench: &Workbench, model: &Model) -> Result<Leftover> {
     let Some(base) = Base::new(bench, model)? else {
         return Ok(Leftover {
             gain: 0.0,
+            whitened: 0.0,
             left: 0.0,
             certain: false,
             coordinates: Vec::new(),
         });
     };
-    let mut groups: Vec<(&'static str, Vec<Vec<f64>>)> = bench
-        .dictionary
-        .all_groups(&bench.problem)
-        .into_iter()
-        .map(|g| {
-            (
-                g.coordinate,
-                bench
-                    .noise
-                    .whiten_all(g.columns.iter().map(|c| c.as_slice())),
-            )
-        })
-        .collect();
-    groups.push(("time, periodically", base.spectral_line()));
+    let residual = system::residual(&bench.problem, model);
     let friction = bench
         .problem
         .coulomb(&Direction::default(), &Path::default());
-    let residual = system::residual(&bench.problem, model);
     let load = vec![1.0; friction.len()];
     let carriers = [
         (
@@ -82,13 +79,9 @@ pub(super) fn of(bench: &Workbench, model: &Model) -> Result<Leftover> {
         ),
         ("time, in spells", "time, at random", load.as_slice()),
     ];
-    for (in_spells, _, carrier) in carriers {
-        groups.push((in_spells, base.spells(carrier, &residual)));
-    }
-    let mut alone: Vec<(&'static str, Generic)> = groups
-        .par_iter()
-        .map(|(name, c)| (*name, base.generic(c)))
-        .collect();
+    let functions = functions(bench, &residual);
+    let spells = carriers.map(|(name, _, carrier)| (name, base.spells(carrier, &residual)));
+    let (mut alone, together) = look(&base, &functions, &friction, spells);
     let left = relative(bench, model, &residual);
     for (in_spells, at_random, carrier) in carriers {
         // What shows beside noise of its own kind needs no look without.
@@ -98,23 +91,99 @@ pub(super) fn of(bench: &Workbench, model: &Model) -> Result<Leftover> {
             alone.extend(wanders.certain.then_some((at_random, wanders)));
         }
     }
-    alone.sort_by(|a, b| b.1.gain.total_cmp(&a.1.gain));
-    let all: Vec<Vec<f64>> = groups.into_iter().flat_map(|(_, c)| c).collect();
-    let together = base.generic(&all);
-    let each = alone.iter().map(|g| g.1).chain([together]);
-    let shares = each.clone().map(|g| g.gain);
-    let gain = shares.fold(f64::NEG_INFINITY, f64::max);
+    let mut looks = vec![(alone, together)];
+    // What the dictionary does not follow has passed for noise, and whitening takes what is slow of that for noise of its kind.
+    let plain = bench.noise.without_colour();
+    let unwhitened = Base::under(bench, model, &plain)?;
+    looks.extend(unwhitened.map(|base| look(&base, &functions, &friction, [])));
+    Ok(seen(bench, left, &looks))
+}
+
+/// What looks at what is left, of that size, come to. What it depends on is for the first to say that shows something.
+fn seen(bench: &Workbench, left: f64, looks: &[Look]) -> Leftover {
+    let all = |(alone, together): &Look| -> Vec<Generic> {
+        let alone = alone.iter().map(|(_, generic)| *generic);
+        alone.chain([*together]).collect()
+    };
+    let certain = |look: &Look| all(look).iter().any(|generic| generic.certain);
+    let telling = looks.iter().find(|look| certain(look)).unwrap_or(&looks[0]);
+    let gain = |look: &Look| {
+        let gains = all(look).into_iter().map(|generic| generic.gain);
+        gains.fold(f64::NEG_INFINITY, f64::max)
+    };
     let mut leftover = Leftover {
-        gain,
+        gain: looks.iter().map(gain).fold(f64::NEG_INFINITY, f64::max),
+        whitened: gain(&looks[0]),
         left,
-        certain: each.into_iter().any(|g| g.certain),
-        coordinates: alone.iter().map(|(name, g)| (*name, g.gain)).collect(),
+        certain: looks.iter().any(certain),
+        coordinates: ranked(telling),
     };
     // A blow at an end stop or a mass that changes late shows in a few blocks only; nothing of its size is chance elsewhere.
     let large = leftover.gain >= FLOOR && leftover.size() >= SOUGHT;
     leftover.certain |= large && !system::shortened(&bench.problem);
     leftover.certain &= leftover.size() >= smallest(bench);
-    Ok(leftover)
+    leftover
+}
+
+/// Gains by coordinate, best first; an inertia over position after what is a part of it, unless it clearly gains more.
+fn ranked((alone, _): &Look) -> Vec<(&'static str, f64)> {
+    let gains = alone.iter().map(|(name, generic)| (*name, generic.gain));
+    let mut ranked: Vec<(&str, f64)> = gains.collect();
+    ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let place = |name: &str| ranked.iter().position(|(other, _)| *other == name);
+    if let (Some(whole), Some(part)) = (place(OVER_POSITION), place(SQUARES))
+        && whole < part
+        && ranked[whole].1 - ranked[part].1 < FLOOR
+    {
+        ranked[whole..=part].rotate_right(1);
+    }
+    ranked
+}
+
+/// What functions gain on top of a model, by their coordinates, and all of them together.
+fn look(
+    base: &Base,
+    functions: &[Group],
+    friction: &[f64],
+    further: impl IntoIterator<Item = Whitened>,
+) -> Look {
+    let whitened = |group: &Group| {
+        let columns = group.columns.iter().map(|c| c.as_slice());
+        (group.coordinate, base.whiten(columns))
+    };
+    let periodic = [
+        ("time, periodically", base.spectral_line(None)),
+        (
+            "time, as friction periodically",
+            base.spectral_line(Some(friction)),
+        ),
+    ];
+    let groups = functions.iter().map(whitened).chain(periodic);
+    let groups: Vec<Whitened> = groups.chain(further).collect();
+    let each = groups.par_iter().map(|(name, c)| (*name, base.generic(c)));
+    let alone = each.collect();
+    let all: Vec<Vec<f64>> = groups.into_iter().flat_map(|(_, c)| c).collect();
+    (alone, base.generic(&all))
+}
+
+/// What a residual may depend on.
+fn functions(bench: &Workbench, residual: &[f64]) -> Vec<Group> {
+    let problem = &bench.problem;
+    let acceleration: Vec<f64> = match problem.response {
+        Response::Force => problem.acceleration.to_vec(),
+        // As the model has it: the measured one is what is to be explained.
+        Response::Acceleration => {
+            let rows = problem.acceleration.iter().zip(residual);
+            rows.map(|(a, r)| a - r).collect()
+        }
+    };
+    let mut groups = bench.dictionary.all_groups(problem);
+    groups.push(
+        bench
+            .dictionary
+            .inertia_over_position(problem, &acceleration),
+    );
+    groups
 }
 
 /// Whether what a model leaves of the torque is large enough to count.

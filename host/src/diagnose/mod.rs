@@ -38,7 +38,7 @@ use sharpen::{Fast, sharpened};
 use trial::Trial;
 
 /// A model whose free run errs by more than this share of the motion on both parts explains nothing, whatever the weak form can
-/// tell apart.
+/// tell apart; nor does one whose does on the part that it was fitted to, and more than without what was found.
 const HOPELESS: f64 = 0.5;
 
 /// Share of what generic functions gain that the named effects must reach: below it, the names are not the physics.
@@ -154,12 +154,13 @@ fn concluded(
     let mut leftover = leftover::of(bench, &after)?;
     let remaining = error(bench, &after)?;
     let reached = (base_error - remaining)
-        / (base_error - remaining * (1.0 - leftover.gain)).max(f64::MIN_POSITIVE);
+        / (base_error - remaining * (1.0 - leftover.whitened)).max(f64::MIN_POSITIVE);
     let little = leftover.size() < select::SOUGHT && reached >= 1.0 - select::FLOOR;
     let significant = leftover.certain && (selected.is_empty() || !little);
     let given = given::refuted(bench, before, (base_error, remaining))?;
     let curves = selected.iter().map(|s| s.trial.effect.id());
-    let pieced = curves.filter(|id| CURVES.contains(id)).count() == CURVES.len();
+    let curves = curves.filter(|id| CURVES.contains(id)).count();
+    let pieced = curves == CURVES.len() || curves > 1 && leftover.certain;
     let finer = fine.as_ref().map_or(bench, |fast| &fast.bench);
     let impostor = impostor([bench, finer], &selected, &after, before)?;
     let nameless = pieced || impostor.is_some();
@@ -183,7 +184,8 @@ fn concluded(
     let bench = fine.as_ref().map_or(bench, |fast| &fast.bench);
     let (mut findings, after_fit) = findings(bench, baseline, &selected, &after, recordings)?;
     let departs = departs && after_fit.held_out.nrmse > after_fit.train.nrmse;
-    let hopeless = after_fit.train.nrmse.min(after_fit.held_out.nrmse) > HOPELESS;
+    let astray = after_fit.train.nrmse > baseline.fit.train.nrmse.max(HOPELESS);
+    let hopeless = astray || after_fit.train.nrmse.min(after_fit.held_out.nrmse) > HOPELESS;
     let verdict = if significant || nameless || departs || hopeless || given.is_some() {
         Verdict::Unknown
     } else if selected.is_empty() {
@@ -244,7 +246,8 @@ fn concluded(
     })
 }
 
-/// What bends the curve of friction over speed. All of them together piece a curve together that none of them is.
+/// What bends the curve of friction over speed. All of them together piece a curve together that none of them is, as do two of
+/// them that leave something.
 const CURVES: [&str; 3] = ["stribeck", "quadratic-drag", "power-law-viscous"];
 
 /// Warnings of what effects of the catalogue do as well: delay, lag and inertia mismatch.

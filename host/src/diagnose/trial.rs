@@ -9,6 +9,7 @@ use crate::error::Result;
 use crate::identify::Workbench;
 use crate::linear::{self, Score};
 use crate::model::{Model, Term};
+use crate::noise::Noise;
 use crate::scan::{self, Ground};
 use crate::system;
 
@@ -40,6 +41,7 @@ impl Trial {
 /// A model with numbers, its whitened system and its score: what candidates are compared with.
 pub(super) struct Base<'a> {
     pub bench: &'a Workbench,
+    noise: &'a Noise,
     pub ground: Ground<'a>,
     /// See [`least_t`].
     pub least_t: f64,
@@ -102,10 +104,16 @@ pub(super) struct Generic {
 
 impl<'a> Base<'a> {
     pub fn new(bench: &'a Workbench, model: &'a Model) -> Result<Option<Self>> {
-        let ground = bench.ground(model)?;
+        Self::under(bench, model, &bench.noise)
+    }
+
+    /// The same with rows that are weighed by another noise, for [`Base::generic`] alone.
+    pub fn under(bench: &'a Workbench, model: &'a Model, noise: &'a Noise) -> Result<Option<Self>> {
+        let ground = bench.ground_under(model, noise)?;
         Ok(ground.map(|ground| Self {
             least_t: least_t(bench, ground.score.by_block.len()),
             bench,
+            noise,
             ground,
         }))
     }
@@ -187,6 +195,11 @@ impl<'a> Base<'a> {
         let training = self.ground.training();
         let lasts = || off.min(training) - on >= 2.0 * system::block_length(training);
         effect.nuisance() || effect.search() == Search::Interval && lasts()
+    }
+
+    /// Columns under the noise that the rows are weighed by.
+    pub fn whiten<'c>(&self, columns: impl IntoIterator<Item = &'c [f64]>) -> Vec<Vec<f64>> {
+        self.noise.whiten_all(columns)
     }
 
     /// What generic columns gain on top of the model.
@@ -280,11 +293,11 @@ impl<'a> Base<'a> {
         }
     }
 
-    /// The strongest line in the spectrum of the residual over time, as two columns.
-    pub fn spectral_line(&self) -> Vec<Vec<f64>> {
+    /// The strongest line in the spectrum of the residual over time, or of what there is of it along a carrier, as two columns.
+    pub fn spectral_line(&self, carrier: Option<&[f64]>) -> Vec<Vec<f64>> {
         let ground = &self.ground;
-        let hertz = ground.strongest_line(&ground.frequencies());
-        hertz.map_or_else(Vec::new, |f| ground.line(f))
+        let hertz = ground.strongest_line(&ground.frequencies(), carrier);
+        hertz.map_or_else(Vec::new, |f| ground.line(f, carrier))
     }
 }
 

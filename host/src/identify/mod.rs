@@ -170,7 +170,7 @@ impl Workbench {
         model: &Model,
         options: Options,
     ) -> Result<Self> {
-        let dictionary = Dictionary::new(tracks);
+        let dictionary = Dictionary::new(tracks, model.motion);
         let (mut problem, width) = choose_width(tracks, &dictionary, model, options)?;
         let train = problem.count(Part::Train);
         if train < FEWEST_ROWS {
@@ -512,9 +512,19 @@ impl Workbench {
 
     /// A model as the ground for one more term; `None` if the recordings do not determine it.
     pub fn ground<'a>(&'a self, model: &'a Model) -> Result<Option<Ground<'a>>> {
+        self.ground_under(model, &self.noise)
+    }
+
+    /// The same with rows that are weighed by another noise: for looks at what is left, as what terms do at best is kept for the
+    /// workbench's own noise.
+    pub fn ground_under<'a>(
+        &'a self,
+        model: &'a Model,
+        noise: &'a Noise,
+    ) -> Result<Option<Ground<'a>>> {
         let setting = Setting {
             problem: &self.problem,
-            noise: &self.noise,
+            noise,
             blocks: &self.blocks,
             inertias: self.inertias,
             slowest: self.slowest,

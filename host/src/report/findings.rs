@@ -140,7 +140,7 @@ fn advice(coordinate: &str) -> &'static str {
         "velocity" => {
             "Friction of an unusual shape: record slow ramps through zero, and at least five steady speeds in each direction, and look at the friction curve."
         }
-        "position" => {
+        "position" | "position, in detail" => {
             "A force that changes along the travel: move slowly over the whole travel in both directions and look at the residual against position."
         }
         "position, as friction" => {
@@ -155,6 +155,9 @@ fn advice(coordinate: &str) -> &'static str {
         "input" => {
             "The drive is not proportional to u (saturation, input-dead-zone): record with half and with twice the amplitude, and log the current if the drive offers it."
         }
+        "input, with a memory" => {
+            "A drive that cannot follow u at once, or sticks to what it gave (a limit on its rate, hysteresis of a valve or an amplifier): step u by several sizes up and down, and log the current or the pressure."
+        }
         "input, as friction" => {
             "Friction that grows with the transmitted torque (load-dependent-friction): repeat the motion with another load."
         }
@@ -164,13 +167,15 @@ fn advice(coordinate: &str) -> &'static str {
         "position and velocity" => {
             "Friction that depends on position and speed together: record several steady speeds over the same travel."
         }
-        "position and squared velocity" => {
+        "position and squared velocity" | "position, as inertia" => {
             "An inertia that changes along the travel (crank, linkage, swinging load): record fast and slow passes over the same travel."
         }
         "input, over time" | "time, as inertia" => {
             "A drive whose gain, or a load whose inertia, changed during the run: log supply voltage and temperature, and repeat the same motion early and late."
         }
-        "time, as friction in spells" | "time, as friction at random" => {
+        "time, as friction in spells"
+        | "time, as friction at random"
+        | "time, as friction periodically" => {
             "Friction that comes and goes (dirt, chips, a cable that rubs): look at the residual against time, then repeat the run; what comes back at another time is loose."
         }
         "time, in spells" => {

@@ -1,5 +1,7 @@
 //! The search for the frequency of a line in the spectrum over time.
 
+use std::borrow::Cow;
+
 use super::{Found, Ground};
 use crate::error::Result;
 use crate::model::Term;
@@ -23,7 +25,7 @@ const LIKELY: usize = 32;
 impl Ground<'_> {
     pub(super) fn on_line(&self, term: &Term) -> Result<Option<Found>> {
         let frequencies = self.frequencies();
-        let Some(hertz) = self.strongest_line(&frequencies) else {
+        let Some(hertz) = self.strongest_line(&frequencies, None) else {
             return Ok(None);
         };
         let step = frequencies.get(1).map_or(hertz, |f| f - frequencies[0]);
@@ -50,19 +52,26 @@ impl Ground<'_> {
         (least..most).map(|k| k as f64 * step).collect()
     }
 
-    /// The frequency at which a sine and a cosine in time take most off the residual, of frequencies that are equally far
-    /// apart.
-    pub fn strongest_line(&self, frequencies: &[f64]) -> Option<f64> {
-        let whiten = |pair: [&[f64]; 2]| self.setting.noise.whiten_training(pair);
+    /// The frequency at which a sine and a cosine in time, times what carries them if something does, take most off the
+    /// residual, of frequencies that are equally far apart.
+    pub fn strongest_line(&self, frequencies: &[f64], carrier: Option<&[f64]>) -> Option<f64> {
+        let whiten = |pair: [&[f64]; 2]| {
+            let [sin, cos] = carried(pair, carrier);
+            self.setting.noise.whiten_training([&*sin, &*cos])
+        };
         let times = self.times();
         let projection = self.projection();
         let likely = likely(frequencies, &times, &projection, &whiten);
         strongest(&likely, &times, &projection, &whiten)
     }
 
-    /// Whitened sine and cosine in time, by their values at the centres of the windows.
-    pub fn line(&self, hertz: f64) -> Vec<Vec<f64>> {
-        let line = |sin: &[f64], cos: &[f64]| self.setting.noise.whiten_all([sin, cos]);
+    /// Whitened sine and cosine in time, by their values at the centres of the windows, times what carries them if something
+    /// does.
+    pub fn line(&self, hertz: f64, carrier: Option<&[f64]>) -> Vec<Vec<f64>> {
+        let line = |sin: &[f64], cos: &[f64]| {
+            let [sin, cos] = carried([sin, cos], carrier);
+            self.setting.noise.whiten_all([&*sin, &*cos])
+        };
         let lines = phasor::each(&angular(&[hertz]), &self.times(), line);
         lines.into_iter().flatten().collect()
     }
@@ -72,6 +81,14 @@ impl Ground<'_> {
         let at = |row: &Row| row.centre as f64 * self.setting.problem.tracks[row.track].period;
         self.setting.problem.rows.iter().map(at).collect()
     }
+}
+
+/// Columns times another, if there is one.
+fn carried<'a>(columns: [&'a [f64]; 2], carrier: Option<&[f64]>) -> [Cow<'a, [f64]>; 2] {
+    columns.map(|column| match carrier {
+        None => Cow::Borrowed(column),
+        Some(carrier) => column.iter().zip(carrier).map(|(x, c)| x * c).collect(),
+    })
 }
 
 /// The frequency whose whitened sine and cosine take most off the residual of a fit.

@@ -43,7 +43,7 @@ fn normal(piece: &Piece, track: Track, plan: &Plan, model: &Model) -> Result<Nor
     }
     // The functions that follow whatever is systematic are the piece's own, so that they follow slow changes, too.
     let blocks = system::blocks(&problem);
-    let dictionary = Dictionary::new(&problem.tracks);
+    let dictionary = Dictionary::new(&problem.tracks, problem.motion);
     let system = System::new(&problem, model)?;
     let residual = match follow_everything(&problem, &system, &dictionary, &blocks) {
         Ok((residual, _)) => residual,
