@@ -7,7 +7,7 @@ use super::select::{self, Scope, Selected, Selection};
 use super::trial::{Trial, students_t};
 use super::whitened;
 use crate::error::Result;
-use crate::fit::{self, Parts};
+use crate::fit::{self, Fit, Parts};
 use crate::identify::Workbench;
 use crate::model::{Causality, Model};
 use crate::recording::Recording;
@@ -251,9 +251,18 @@ fn worsens(with: &Parts, without: &Parts, causality: Causality, chance: f64) -> 
         || students_t(&rises) > chance
 }
 
+/// Whether the squared error of held-out free runs comes out at twice what it was or more, as far as the axis moves enough there.
+pub(super) fn doubles(before: &Fit, after: &Fit) -> bool {
+    tells(&after.train, &after.held_out) && before.held_out.halves(&after.held_out)
+}
+
 /// Whether the axis moves enough in the held-out part for a free run to say anything.
 fn moves(run: &Parts) -> bool {
-    run.held_out().signal > LEAST_MOTION * run.train().signal
+    tells(&run.train(), &run.held_out())
+}
+
+fn tells(train: &fit::Error, held_out: &fit::Error) -> bool {
+    held_out.signal > LEAST_MOTION * train.signal
 }
 
 /// A held-out free run over a handful of windows scatters by a few per cent through its measured starting
@@ -293,5 +302,24 @@ mod tests {
         assert!(!worse(&one_more(0.1), 1.01 * BY_CHANCE));
         assert!(worse(&one_more(0.1), 0.0));
         assert!(worse(&one_more(0.25), 1.01 * BY_CHANCE));
+    }
+
+    /// Of twice the squared error a little less is not yet twice; and where the axis hardly moves, errors say nothing.
+    #[test]
+    fn an_error_doubles_where_the_axis_moves() {
+        let part = |nrmse, signal| fit::Error {
+            nrmse,
+            signal,
+            ..fit::Error::default()
+        };
+        let fit = |held_out| Fit {
+            train: part(0.1, 1.0),
+            held_out,
+            ..Fit::default()
+        };
+        let before = fit(part(0.1, 1.0));
+        assert!(doubles(&before, &fit(part(0.142, 1.0))));
+        assert!(!doubles(&before, &fit(part(0.141, 1.0))));
+        assert!(!doubles(&before, &fit(part(0.5, 0.09))));
     }
 }

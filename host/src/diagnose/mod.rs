@@ -38,7 +38,8 @@ use sharpen::{Fast, sharpened};
 use trial::Trial;
 
 /// A model whose free run errs by more than this share of the motion on both parts explains nothing, whatever the weak form can
-/// tell apart; nor does one whose does on the part that it was fitted to, and more than without what was found.
+/// tell apart; nor does one whose does on the part that it was fitted to, and more than without what was found, or one with twice
+/// the squared error of the baseline in the held-out part.
 const HOPELESS: f64 = 0.5;
 
 /// Share of what generic functions gain that the named effects must reach: below it, the names are not the physics.
@@ -184,7 +185,8 @@ fn concluded(
     let bench = fine.as_ref().map_or(bench, |fast| &fast.bench);
     let (mut findings, after_fit) = findings(bench, baseline, &selected, &after, recordings)?;
     let departs = departs && after_fit.held_out.nrmse > after_fit.train.nrmse;
-    let astray = after_fit.train.nrmse > baseline.fit.train.nrmse.max(HOPELESS);
+    let astray = after_fit.train.nrmse > baseline.fit.train.nrmse.max(HOPELESS)
+        || confirm::doubles(&baseline.fit, &after_fit);
     let hopeless = astray || after_fit.train.nrmse.min(after_fit.held_out.nrmse) > HOPELESS;
     let verdict = if significant || nameless || departs || hopeless || given.is_some() {
         Verdict::Unknown
