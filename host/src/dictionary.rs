@@ -276,7 +276,8 @@ fn signals(coordinate: &str, track: &Track, grids: &Grids) -> Vec<Vec<f64>> {
 }
 
 /// What an amplifier with a memory may make of an input: what is left of it behind plays of several widths, and what it becomes
-/// if it cannot change faster than at several rates. Both are measured by its RMS.
+/// if it cannot change faster than at several rates. Both are measured by its RMS. Under control the input answers the disturbance
+/// as well; clean axes under control with a torque noise of 10 % remain adequate all the same (`concealed`, `validate`).
 fn histories(input: &[f64], period: f64) -> Vec<Vec<f64>> {
     let rms = (input.iter().map(|u| u * u).sum::<f64>() / input.len() as f64).sqrt();
     let follow = |within: &dyn Fn(f64, f64) -> f64| -> Vec<f64> {

@@ -92,25 +92,33 @@ pub(super) fn of(bench: &Workbench, model: &Model) -> Result<Leftover> {
         }
     }
     let mut looks = vec![(alone, together)];
-    // What the dictionary does not follow has passed for noise, and whitening takes what is slow of that for noise of its kind.
+    // What the dictionary does not follow has passed for noise, and whitening takes what is slow of that for noise of its kind. Without,
+    // certain is what is as large as effects that are looked for: reversals leave less.
     let plain = bench.noise.without_colour();
     let unwhitened = Base::under(bench, model, &plain)?;
-    looks.extend(unwhitened.map(|base| look(&base, &functions, &friction, [])));
+    let unwhitened = unwhitened.map(|base| look(&base, &functions, &friction, []));
+    looks.extend(unwhitened.filter(|look| certain(look) && gain(look).sqrt() * left >= SOUGHT));
     Ok(seen(bench, left, &looks))
+}
+
+/// Everything in a look.
+fn all((alone, together): &Look) -> impl Iterator<Item = &Generic> {
+    alone.iter().map(|(_, generic)| generic).chain([together])
+}
+
+/// Whether anything in a look is certain.
+fn certain(look: &Look) -> bool {
+    all(look).any(|generic| generic.certain)
+}
+
+/// The largest gain in a look.
+fn gain(look: &Look) -> f64 {
+    all(look).fold(f64::NEG_INFINITY, |most, generic| most.max(generic.gain))
 }
 
 /// What looks at what is left, of that size, come to. What it depends on is for the first to say that shows something.
 fn seen(bench: &Workbench, left: f64, looks: &[Look]) -> Leftover {
-    let all = |(alone, together): &Look| -> Vec<Generic> {
-        let alone = alone.iter().map(|(_, generic)| *generic);
-        alone.chain([*together]).collect()
-    };
-    let certain = |look: &Look| all(look).iter().any(|generic| generic.certain);
     let telling = looks.iter().find(|look| certain(look)).unwrap_or(&looks[0]);
-    let gain = |look: &Look| {
-        let gains = all(look).into_iter().map(|generic| generic.gain);
-        gains.fold(f64::NEG_INFINITY, f64::max)
-    };
     let mut leftover = Leftover {
         gain: looks.iter().map(gain).fold(f64::NEG_INFINITY, f64::max),
         whitened: gain(&looks[0]),
