@@ -23,7 +23,7 @@ pub use outcome::{
 use crate::check::{self, Severity, Warning};
 use crate::effects::{Effect, Impostor};
 use crate::error::Result;
-use crate::fit;
+use crate::fit::{self, Fit};
 use crate::format;
 use crate::identify::{Identified, Workbench};
 use crate::model::{Model, Term};
@@ -185,10 +185,8 @@ fn concluded(
     let bench = fine.as_ref().map_or(bench, |fast| &fast.bench);
     let (mut findings, after_fit) = findings(bench, baseline, &selected, &after, recordings)?;
     let departs = departs && after_fit.held_out.nrmse > after_fit.train.nrmse;
-    let astray = after_fit.train.nrmse > baseline.fit.train.nrmse.max(HOPELESS)
-        || confirm::doubles(&baseline.fit, &after_fit);
-    let hopeless = astray || after_fit.train.nrmse.min(after_fit.held_out.nrmse) > HOPELESS;
-    let verdict = if significant || nameless || departs || hopeless || given.is_some() {
+    let astray = astray(&baseline.fit, &after_fit);
+    let verdict = if significant || nameless || departs || astray || given.is_some() {
         Verdict::Unknown
     } else if selected.is_empty() {
         Verdict::Adequate
@@ -246,6 +244,13 @@ fn concluded(
         before: before.clone(),
         after,
     })
+}
+
+/// Whether a model predicts next to nothing, or worse than the baseline that it is to explain: see [`HOPELESS`].
+fn astray(before: &Fit, after: &Fit) -> bool {
+    let hopeless = after.train.nrmse.min(after.held_out.nrmse) > HOPELESS;
+    let worse = after.train.nrmse > before.train.nrmse.max(HOPELESS);
+    hopeless || worse || confirm::doubles(before, after)
 }
 
 /// What bends the curve of friction over speed. All of them together piece a curve together that none of them is, as do two of
