@@ -626,6 +626,18 @@ fn a_spring_that_rests_elsewhere_is_one_spring() {
     }
 }
 
+/// A cubic that its own error does not tell from none makes no hardening spring, however much better free runs are with a spring than
+/// without any.
+#[test]
+fn a_spring_whose_cubic_is_in_doubt_is_a_spring() {
+    let truth = format!("{PLAIN}[effects.spring]\nstiffness = 0.6\nrest = 0.35\n");
+    let options =
+        "--excite multisine --amplitude 1 --band 0.1:2 --counts 16384 --noise 0.02 --seed 6";
+    let json = diagnosed_of(&truth, BASELINE, options);
+    let finding = only_finding(&json, "spring", 0.1);
+    assert!((value(finding, "rest") - 0.35).abs() < 0.01, "{finding}");
+}
+
 /// A load that is put down late shows in a few blocks of time only, which had been taken for chance.
 #[test]
 fn a_mass_that_changes_late_is_not_overlooked() {

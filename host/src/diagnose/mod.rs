@@ -359,7 +359,8 @@ fn search(
 /// Errors say how far an estimate is from where the effect is none as if the way there was straight. Where it is not, as for the
 /// exponent of a power law, which next to zero is Coulomb friction, they say so little that evidence beyond doubt may come with
 /// an estimate in doubt (Hauck and Donner, Journal of the American Statistical Association 72, 1977). So no errors refute an
-/// effect that halves the squared error of free runs on both parts, nor a load that shows again in the held-out part.
+/// effect that halves the squared error of free runs on both parts, nor a load that shows again in the held-out part. Where
+/// another effect is a part of it, in doubt is what there is beyond that, of which free runs without either say nothing.
 fn refuted_by_itself(
     bench: &Workbench,
     settled: &Model,
@@ -379,7 +380,8 @@ fn refuted_by_itself(
     let mut doubts: Vec<(f64, usize, &str)> = doubts.collect();
     doubts.sort_by(|a, b| a.0.total_cmp(&b.0));
     for (_, k, id) in doubts {
-        if nuisance.is_some() || !predicts(bench, settled, k, recordings)? {
+        let part = settled.terms[k].effect.includes().is_some();
+        if nuisance.is_some() || part || !predicts(bench, settled, k, recordings)? {
             return Ok(Some(nuisance.unwrap_or(id)));
         }
     }
