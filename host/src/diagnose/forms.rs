@@ -66,6 +66,11 @@ fn in_better(bench: &Workbench, model: &Model, found: Selected) -> Result<(Selec
     Ok((Selected { trial, ..found }, richer))
 }
 
+/// An effect in the form with most to it.
+pub(super) fn fullest(id: &str) -> Option<&'static dyn Effect> {
+    effects::find(id).map(|plain| richer(plain).unwrap_or(plain))
+}
+
 /// The form of an effect with more to it, if it has one.
 fn richer(effect: &dyn Effect) -> Option<&'static dyn Effect> {
     let more = |form: &&dyn Effect| form.parameters().len() > effect.parameters().len();

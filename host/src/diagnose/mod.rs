@@ -360,7 +360,7 @@ fn search(
 /// exponent of a power law, which next to zero is Coulomb friction, they say so little that evidence beyond doubt may come with
 /// an estimate in doubt (Hauck and Donner, Journal of the American Statistical Association 72, 1977). So no errors refute an
 /// effect that halves the squared error of free runs on both parts, nor a load that shows again in the held-out part. Where
-/// another effect is a part of it, in doubt is what there is beyond that, of which free runs without either say nothing.
+/// another effect is a part of it, in doubt is what there is beyond that, and free runs with that part in its place decide.
 fn refuted_by_itself(
     bench: &Workbench,
     settled: &Model,
@@ -380,22 +380,24 @@ fn refuted_by_itself(
     let mut doubts: Vec<(f64, usize, &str)> = doubts.collect();
     doubts.sort_by(|a, b| a.0.total_cmp(&b.0));
     for (_, k, id) in doubts {
-        let part = settled.terms[k].effect.includes().is_some();
-        if nuisance.is_some() || part || !predicts(bench, settled, k, recordings)? {
+        if nuisance.is_some() || !predicts(bench, settled, k, recordings)? {
             return Ok(Some(nuisance.unwrap_or(id)));
         }
     }
     Ok(None)
 }
 
-/// Whether a term halves the squared error of free runs on both parts, or is a load that the held-out rows show again.
+/// Whether a term, or what is more to it than a part of it, halves the squared error of free runs on both parts, or is a load that the held-out rows show again.
 fn predicts(
     bench: &Workbench,
     model: &Model,
     term: usize,
     recordings: &[Recording],
 ) -> Result<bool> {
-    let Ok((without, _)) = bench.estimate(&select::without(model, term)) else {
+    let lacking = select::without(model, term);
+    let part = model.terms[term].effect.includes().and_then(forms::fullest);
+    let instead = part.map(|part| lacking.with_effect(part));
+    let Ok((without, _)) = bench.estimate(&instead.unwrap_or(lacking)) else {
         return Ok(true);
     };
     let loads = model.terms[term].effect.divides();
