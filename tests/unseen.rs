@@ -463,20 +463,6 @@ fn two_curves_that_leave_something_are_no_names() {
     assert_eq!(unknown(&json), "velocity");
 }
 
-/// A payload on soft rubber swings below what the windows resolve within themselves. It had been taken for a gap.
-#[test]
-fn a_load_that_swings_slowly_is_named() {
-    for hertz in [1.2, 2.1] {
-        let effect = format!(
-            "[effects.compliance]\nload_inertia = 0.003\nantiresonance = {hertz}\ndamping_ratio = 0.1\n"
-        );
-        let json = diagnosed(&effect, "multisine --amplitude 1 --band 0.1:4 --control pd");
-        let finding = only_finding(&json, "compliance", 0.2);
-        let found = value(finding, "antiresonance");
-        assert!((found / hertz - 1.0).abs() < 0.02, "{finding}");
-    }
-}
-
 /// A baseline that knows the winding of its motor leaves no lag out, and the inertia is the axis's own: back-EMF passes the
 /// winding as well, which without it would take 9 % off what the drive must accelerate.
 #[test]

@@ -13,14 +13,14 @@
 //! position and grows towards the resonance.
 //!
 //! # What excites it
-//! Steps, or a chirp through the resonance; samples at ten times its frequency, and at least twenty swings. It is sought up to
-//! about 40 Hz where the encoder is fine enough, and up to 10 Hz otherwise.
+//! Steps, or a chirp through the resonance; samples at ten times its frequency. It is sought up to about 40 Hz where the
+//! encoder is fine enough, and up to 10 Hz otherwise.
 //!
 //! # Confused with
 //! delay, actuator-lag and sensor errors where only the foot of the resonance is excited: chirp past it.
 //!
 //! # Example
-//! Belts, couplings, long shafts, harmonic drives; a payload on rubber, liquid that sloshes.
+//! Belts, couplings, long shafts, harmonic drives.
 //!
 //! # References
 //! G. Ellis, R. D. Lorenz, Resonant load control methods for industrial servo drives, IAS 2000, eq. 1 (motor and load,
@@ -32,10 +32,6 @@ use crate::format::quantity;
 
 /// Damping ratio of steel parts.
 const DAMPING: f64 = 0.05;
-/// Periods within a recording of the slowest load that is sought.
-const FEWEST_SWINGS: f64 = 20.0;
-/// Spans between the frequencies that are tried of what both windows and samples resolve.
-const RESOLVED: f64 = 13.0;
 
 pub(super) struct Compliance;
 
@@ -98,14 +94,9 @@ impl Effect for Compliance {
         Some((2, DAMPING))
     }
     fn grid(&self, survey: &Survey) -> Vec<f64> {
-        // From what swings a few times in a recording, as a payload or a sloshing liquid does, to what the samples resolve.
-        let resolved = 0.2 / survey.half_width;
-        let high = (0.1 / survey.period).clamp(2.0 * resolved, 20.0 * resolved);
-        let low = (FEWEST_SWINGS / survey.duration).min(resolved);
-        // As many for each decade as they are between what the windows and what the samples resolve.
-        let [all, resolved] = [low, resolved].map(|from| (high / from).ln());
-        let count = (RESOLVED * all / resolved).round() as usize;
-        geometric(high * (-resolved * count as f64 / RESOLVED).exp(), high, 1 + count)
+        // From what the windows resolve to what the samples do.
+        let low = 0.2 / survey.half_width;
+        geometric(low, (0.1 / survey.period).clamp(2.0 * low, 20.0 * low), 14)
     }
     /// Between two samples the measured position is taken as a straight line. Seen from it the load swings freely; where
     /// the slope changes at a sample, its relative velocity jumps by as much.
