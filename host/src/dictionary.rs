@@ -50,6 +50,10 @@ const RARER: [&str; 5] = [
     INERTIA,
 ];
 
+fn every_coordinate() -> impl Iterator<Item = &'static str> {
+    COORDINATES.into_iter().chain(RARER)
+}
+
 /// What an inertia that changes along the travel brings with it.
 pub const SQUARES: &str = "position and squared velocity";
 /// All that such an inertia does.
@@ -98,35 +102,34 @@ impl Dictionary {
 
     /// The functionals of the dictionary on the windows of a problem.
     ///
-    /// Functions of the input are left out where the input is the response, those of the acceleration where that is. The
-    /// rate of change of the input is in no group: in closed loop the input answers the disturbance within a window, which
-    /// is not physics left out.
+    /// Functions of the input are left out where the input is the response, those of the acceleration where that is. Nothing here
+    /// follows how fast the input changes: in closed loop it answers the disturbance within a window, which is not physics left
+    /// out.
     ///
     /// # Panics
     /// With the problem of other recordings than the dictionary's.
     pub fn groups(&self, problem: &Problem) -> Vec<Group> {
-        self.of(COORDINATES.into_iter().enumerate(), problem)
+        self.of(COORDINATES.into_iter(), problem)
     }
 
     /// Those and the functions of rarer coordinates, likewise.
     pub fn all_groups(&self, problem: &Problem) -> Vec<Group> {
-        self.of(COORDINATES.into_iter().chain(RARER).enumerate(), problem)
+        self.of(every_coordinate(), problem)
     }
 
-    fn of(
-        &self,
-        coordinates: impl Iterator<Item = (usize, &'static str)>,
-        problem: &Problem,
-    ) -> Vec<Group> {
+    fn of(&self, coordinates: impl Iterator<Item = &'static str>, problem: &Problem) -> Vec<Group> {
+        // A problem keeps the columns of a coordinate under its place among all.
+        let place = |coordinate| every_coordinate().position(|other| other == coordinate);
         let kept = |coordinate: &'static str| match problem.response {
             Response::Acceleration => coordinate != INERTIA,
             Response::Force => !coordinate.starts_with("input"),
         };
-        let kept: Vec<_> = coordinates.filter(|(_, c)| kept(c)).collect();
+        let kept = coordinates.filter(|c| kept(c));
+        let kept: Vec<_> = kept.filter_map(|c| Some((place(c)?, c))).collect();
         kept.into_par_iter()
-            .map(|(group, coordinate)| Group {
+            .map(|(place, coordinate)| Group {
                 coordinate,
-                columns: problem.generic(group, || self.columns(coordinate, problem)),
+                columns: problem.generic(place, || self.columns(coordinate, problem)),
             })
             .collect()
     }
@@ -156,7 +159,7 @@ impl Dictionary {
             let column = rows().map(|(row, a)| a * hat(knots, j, place(row)));
             Arc::new(column.collect())
         };
-        let squares = self.of([(COORDINATES.len(), SQUARES)].into_iter(), problem);
+        let squares = self.of([SQUARES].into_iter(), problem);
         let squares = squares.into_iter().flat_map(|group| group.columns);
         Group {
             coordinate: OVER_POSITION,

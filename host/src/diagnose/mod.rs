@@ -30,7 +30,7 @@ use crate::model::{Model, Term};
 use crate::recording::Recording;
 use crate::system;
 use crate::weak::Part;
-use confirm::{HeldOut, confirmed};
+use confirm::{Confirmed, HeldOut, confirmed};
 use findings::findings;
 use leftover::Leftover;
 use select::{Scope, Selected, Selection};
@@ -38,8 +38,7 @@ use sharpen::{Fast, sharpened};
 use trial::Trial;
 
 /// A model whose free run errs by more than this share of the motion on both parts explains nothing, whatever the weak form can
-/// tell apart; nor does one whose does on the part that it was fitted to, and more than without what was found, or one with twice
-/// the squared error of the baseline in the held-out part.
+/// tell apart; nor does one whose does on the part that it was fitted to, and more than without what was found. See [`astray`].
 const HOPELESS: f64 = 0.5;
 
 /// Share of what generic functions gain that the named effects must reach: below it, the names are not the physics.
@@ -111,29 +110,51 @@ const AT_REVERSALS: [&str; 4] = ["stribeck", "presliding", "backlash", "complian
 /// What is found leaves less than this share of what was taken for noise where noise was told beside less.
 const QUIETER: f64 = 0.5;
 
-/// One diagnosis over all windows of a workbench. Noise is what generic functions leave beside the baseline: where what is found
-/// leaves much less of it, they did not follow that, and with noise told beside it what else is left out has more evidence. What is
-/// found then must not predict worse: a noise that is told to be next to none makes much of what is next to nothing.
+/// One diagnosis over all windows of a workbench. Noise is what generic functions leave beside the baseline: where what there is
+/// evidence for leaves much less of it, they did not follow that, and with noise told beside it what else is left out has more
+/// evidence. What is found then must not predict worse: a noise that is told to be next to none makes much of what is next to
+/// nothing. Beside what the held-out part has refuted, what is found then must explain all.
 fn diagnosed(
     bench: &Workbench,
     baseline: &Identified,
     recordings: &[Recording],
     progress: &dyn Fn(&str),
 ) -> Result<Outcome> {
-    let found = found(bench, &baseline.model, recordings, progress)?;
-    let after = &found.selection.1;
-    let base = trial::Base::new(bench, after)?;
-    let quieter = base.is_some_and(|base| base.score().chi2 < QUIETER * base.rows());
-    if quieter && !found.selection.0.is_empty() {
-        progress("telling noise anew, beside what was found");
-        let quieter = bench.with_noise_beside(after)?;
-        let again = self::found(&quieter, &baseline.model, recordings, progress)?;
+    let before = &baseline.model;
+    let found = found(bench, before, recordings, progress)?;
+    let stands = quieter_beside(bench, &found.selection)?;
+    let refuted = || -> Result<bool> {
+        let quieter = quieter_beside(bench, &found.evident)?;
+        Ok(quieter && leftover::of(bench, &found.selection.1)?.certain)
+    };
+    if stands || refuted()? {
+        progress("telling noise anew, beside what there is evidence for");
+        let (_, quiet) = if stands {
+            &found.selection
+        } else {
+            &found.evident
+        };
+        let quieter = bench.with_noise_beside(quiet)?;
+        let again = self::found(&quieter, before, recordings, progress)?;
         let error = |found: &Found| held_out(bench, &found.settled, recordings);
-        if !error(&found)?.halves(&error(&again)?) {
-            return concluded(&quieter, baseline, recordings, again, progress);
+        if error(&again)?.nrmse <= confirm::FREE_RUN_TOLERANCE * error(&found)?.nrmse {
+            let again = concluded(&quieter, baseline, recordings, again, progress)?;
+            if stands || again.diagnosis.verdict == Verdict::Explained {
+                return Ok(again);
+            }
         }
     }
     concluded(bench, baseline, recordings, found, progress)
+}
+
+/// Whether what was selected leaves much less than what was taken for noise. What narrow windows alone show is not for usual ones to
+/// explain, which would then have to.
+fn quieter_beside(bench: &Workbench, (selected, after): &Selection) -> Result<bool> {
+    if selected.iter().all(|s| s.fast) {
+        return Ok(false);
+    }
+    let base = trial::Base::new(bench, after)?;
+    Ok(base.is_some_and(|base| base.score().chi2 < QUIETER * base.rows()))
 }
 
 /// The diagnosis that a search leads to.
@@ -149,6 +170,7 @@ fn concluded(
         selection: (selected, after),
         fine,
         mut settled,
+        ..
     } = found;
     progress("looking for what is left");
     let base_error = error(bench, before)?;
@@ -246,11 +268,16 @@ fn concluded(
     })
 }
 
-/// Whether a model predicts next to nothing, or worse than the baseline that it is to explain: see [`HOPELESS`].
+/// Whether a model predicts next to nothing, or worse than the baseline that it is to explain: see [`HOPELESS`]. In the held-out
+/// part, as far as the axis moves enough there, that is an error of more than the motion itself and than in the training part, or
+/// twice the squared error of the baseline.
 fn astray(before: &Fit, after: &Fit) -> bool {
-    let hopeless = after.train.nrmse.min(after.held_out.nrmse) > HOPELESS;
-    let worse = after.train.nrmse > before.train.nrmse.max(HOPELESS);
-    hopeless || worse || confirm::doubles(before, after)
+    let (train, held_out) = (&after.train, &after.held_out);
+    let hopeless = train.nrmse.min(held_out.nrmse) > HOPELESS;
+    let worse = train.nrmse > before.train.nrmse.max(HOPELESS);
+    let nothing = held_out.nrmse > 1.0 && held_out.rmse > train.rmse;
+    let lost = nothing || before.held_out.halves(held_out);
+    hopeless || worse || lost && confirm::moves(train, held_out)
 }
 
 /// What bends the curve of friction over speed. All of them together piece a curve together that none of them is, as do two of
@@ -277,6 +304,9 @@ fn contradicts(warning: &Warning) -> bool {
 /// What the search ends with.
 struct Found {
     selection: Selection,
+    /// What windows of the usual width showed before the held-out part was asked, which may have refuted it because too loud a noise
+    /// hides what acts beside it.
+    evident: Selection,
     /// The narrower windows that fast effects were found under, if any were.
     fine: Option<Fast>,
     /// The model of the selection with errors that count what smoothing does.
@@ -318,13 +348,18 @@ fn search(
 ) -> Result<Found> {
     let nothing = (Vec::new(), before.clone());
     let mut refuted: Vec<&str> = Vec::new();
+    let mut first = None;
     loop {
         let scope = Scope {
             sought: &|effect: &dyn Effect| load_side || !effect.on_load_side(),
             refuted: &refuted,
             ..Scope::usual(bench)
         };
-        let usual = confirmed(&scope, before, &nothing, recordings, progress)?;
+        let Confirmed {
+            selection: usual,
+            evident,
+        } = confirmed(&scope, before, &nothing, recordings, progress)?;
+        let evident = first.get_or_insert(evident);
         let mut settled = usual.1.clone();
         if !usual.0.is_empty() {
             bench.settle(&mut settled, recordings);
@@ -347,6 +382,7 @@ fn search(
         }
         return Ok(Found {
             selection,
+            evident: evident.clone(),
             fine,
             settled,
         });
@@ -556,5 +592,32 @@ fn verdict_sentence(
                 "Something is left out{found} that no effect of the catalogue explains; it depends on {coordinate}."
             )
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Twice the squared error, or more than the motion and than in the training part; where the axis hardly moves, errors say
+    /// nothing.
+    #[test]
+    fn held_out_errors_count_where_the_axis_moves() {
+        let part = |nrmse, signal| fit::Error {
+            nrmse,
+            signal,
+            rmse: nrmse * signal,
+        };
+        let fit = |train, held_out| Fit {
+            train: part(train, 1.0),
+            held_out,
+            ..Fit::default()
+        };
+        let before = fit(0.1, part(0.1, 1.0));
+        assert!(astray(&before, &fit(0.1, part(0.142, 1.0))));
+        assert!(!astray(&before, &fit(0.1, part(0.141, 1.0))));
+        assert!(!astray(&before, &fit(0.1, part(0.5, 0.09))));
+        let (wild, small) = (fit(0.1, part(1.1, 0.2)), fit(0.3, part(1.1, 0.2)));
+        assert!(astray(&wild, &wild) && !astray(&small, &small));
     }
 }

@@ -10,7 +10,7 @@ use crate::effects::{self, Effect};
 use crate::error::Result;
 use crate::fit::{self, Parts};
 use crate::identify::{self, Workbench};
-use crate::model::Model;
+use crate::model::{Model, Term};
 use crate::recording::Recording;
 use crate::scan;
 use crate::weak::Part;
@@ -288,7 +288,7 @@ fn choose(
         let rest = rest.into_iter().zip(counts?);
         passing.extend(rest.filter_map(|(trial, counts)| counts.then_some(trial)));
     }
-    if !scope.fast && law_is_open(model) {
+    if !scope.fast && is_open(model) {
         passing = contested(bench, model, passing)?;
     }
     Ok(Selected::first(passing, scope.fast))
@@ -303,6 +303,16 @@ fn law_is_open(model: &Model) -> bool {
             let inner = term.effect.inner().map(|k| &term.parameters[k]);
             inner.is_some_and(|parameter| !parameter.known)
         })
+}
+
+/// Whether anything in a model has inner parameters that are to be estimated.
+fn is_open(model: &Model) -> bool {
+    let open = |term: &Term| {
+        term.effect
+            .inner()
+            .is_some_and(|k| !term.parameters[k].known)
+    };
+    model.terms.iter().any(open)
 }
 
 /// The trials with the likeliest in the order of their evidence with the whole model fitted to each, if they are more than one.
@@ -382,6 +392,7 @@ fn reexamine(
                 let next = with_trial_at(term, &lacking, &rival.trial);
                 if let Ok((next, _)) = scope.bench.estimate(&next)
                     && !spoils(scope, (&next, &current), recordings)?
+                    && replaces(scope, (&rival.trial, &next), (&selected[k].trial, &current))?
                 {
                     (selected[k], current) = (rival, next);
                 }
@@ -398,6 +409,20 @@ fn reexamine(
         }
     }
     Ok(current)
+}
+
+/// Whether a rival with its model has better evidence than what it is to replace with its own, both fitted in full: beside inner
+/// parameters of others that are held, it may only seem so. What only narrow windows show is for `spoils` to judge.
+fn replaces(
+    scope: &Scope,
+    (rival, next): (&Trial, &Model),
+    (own, current): (&Trial, &Model),
+) -> Result<bool> {
+    let criterion = |trial: &Trial, model: &Model| -> Result<f64> {
+        let base = Base::new(scope.bench, model)?;
+        Ok(base.map_or(f64::INFINITY, |base| base.score().chi2 + trial.price))
+    };
+    Ok(scope.fast || criterion(rival, next)? < criterion(own, current)?)
 }
 
 /// Whether free runs of the training part err by more than twice the squared error with a model in the place of another, beside

@@ -170,7 +170,7 @@ impl Closer<'_> {
         // Narrow windows may hold too much noise of the encoder for a fit at all.
         match confirmed(&scope, before, self.found, all, self.progress) {
             Err(Error::NotIdentifiable(_)) => Ok(None),
-            more => Ok(Some(more?).filter(|more| fast_ones(more).next().is_some())),
+            more => Ok(Some(more?.selection).filter(|more| fast_ones(more).next().is_some())),
         }
     }
 

@@ -41,7 +41,6 @@ impl Trial {
 /// A model with numbers, its whitened system and its score: what candidates are compared with.
 pub(super) struct Base<'a> {
     pub bench: &'a Workbench,
-    noise: &'a Noise,
     pub ground: Ground<'a>,
     /// See [`least_t`].
     pub least_t: f64,
@@ -113,7 +112,6 @@ impl<'a> Base<'a> {
         Ok(ground.map(|ground| Self {
             least_t: least_t(bench, ground.score.by_block.len()),
             bench,
-            noise,
             ground,
         }))
     }
@@ -199,7 +197,7 @@ impl<'a> Base<'a> {
 
     /// Columns under the noise that the rows are weighed by.
     pub fn whiten<'c>(&self, columns: impl IntoIterator<Item = &'c [f64]>) -> Vec<Vec<f64>> {
-        self.noise.whiten_all(columns)
+        self.ground.noise().whiten_all(columns)
     }
 
     /// What generic columns gain on top of the model.

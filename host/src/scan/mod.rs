@@ -122,6 +122,11 @@ impl<'a> Ground<'a> {
         }
     }
 
+    /// The noise that rows are weighed by.
+    pub fn noise(&self) -> &Noise {
+        self.setting.noise
+    }
+
     /// Whether it is [`Ground::leniently`] so.
     pub fn lenient(&self) -> bool {
         self.lenient
