@@ -288,31 +288,22 @@ fn choose(
         let rest = rest.into_iter().zip(counts?);
         passing.extend(rest.filter_map(|(trial, counts)| counts.then_some(trial)));
     }
-    if !scope.fast && is_open(model) {
+    if !scope.fast && model.terms.iter().any(is_open) {
         passing = contested(bench, model, passing)?;
     }
     Ok(Selected::first(passing, scope.fast))
 }
 
-/// Whether a friction law, with what was found to belong to it, has inner parameters that are to be estimated: trials hold them
-/// where they are.
+/// Whether a friction law, with what was found to belong to it, has inner parameters that are to be estimated.
 fn law_is_open(model: &Model) -> bool {
     let mut contact = model.terms.iter().filter(|term| term.is_of_contact());
-    model.has_curved_law()
-        && contact.any(|term| {
-            let inner = term.effect.inner().map(|k| &term.parameters[k]);
-            inner.is_some_and(|parameter| !parameter.known)
-        })
+    model.has_curved_law() && contact.any(is_open)
 }
 
-/// Whether anything in a model has inner parameters that are to be estimated.
-fn is_open(model: &Model) -> bool {
-    let open = |term: &Term| {
-        term.effect
-            .inner()
-            .is_some_and(|k| !term.parameters[k].known)
-    };
-    model.terms.iter().any(open)
+/// Whether an inner parameter of a term is to be estimated: trials hold it where it is.
+fn is_open(term: &Term) -> bool {
+    let inner = term.effect.inner().map(|k| &term.parameters[k]);
+    inner.is_some_and(|parameter| !parameter.known)
 }
 
 /// The trials with the likeliest in the order of their evidence with the whole model fitted to each, if they are more than one.
