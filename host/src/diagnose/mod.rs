@@ -181,12 +181,9 @@ fn concluded(
     let little = leftover.size() < select::SOUGHT && reached >= 1.0 - select::FLOOR;
     let significant = leftover.certain && (selected.is_empty() || !little);
     let given = given::refuted(bench, before, (base_error, remaining))?;
-    let curves = selected.iter().map(|s| s.trial.effect.id());
-    let curves = curves.filter(|id| CURVES.contains(id)).count();
-    let pieced = curves == CURVES.len() || curves > 1 && leftover.certain;
     let finer = fine.as_ref().map_or(bench, |fast| &fast.bench);
     let impostor = impostor([bench, finer], &selected, &after, before)?;
-    let nameless = pieced || impostor.is_some();
+    let nameless = pieced(&selected, &leftover) || impostor.is_some();
     let misnamed = given.is_some() || nameless || significant && reached < SHARE_OF_GENERIC;
     let (mut selected, mut after) = if misnamed && !selected.is_empty() {
         leftover = leftover::of(bench, before)?;
@@ -204,16 +201,25 @@ fn concluded(
     let after = if selected.is_empty() { after } else { settled };
     // What windows of the usual width do not show is told by those that do.
     let fine = fine.filter(|_| !selected.is_empty());
+    let usual = bench;
     let bench = fine.as_ref().map_or(bench, |fast| &fast.bench);
     let (mut findings, after_fit) = findings(bench, baseline, &selected, &after, recordings)?;
     let departs = departs && after_fit.held_out.nrmse > after_fit.train.nrmse;
     let astray = astray(&baseline.fit, &after_fit);
-    let verdict = if significant || nameless || departs || astray || given.is_some() {
-        Verdict::Unknown
-    } else if selected.is_empty() {
-        Verdict::Adequate
+    let doubtful = significant || nameless || departs || astray || given.is_some();
+    let fit = BeforeAfter {
+        before: baseline.fit,
+        after: after_fit,
+    };
+    let excess = if doubtful {
+        None
     } else {
-        Verdict::Explained
+        excess(usual, &fit, &after, recordings)?
+    };
+    let verdict = match (doubtful || excess.is_some(), selected.is_empty()) {
+        (true, _) => Verdict::Unknown,
+        (false, true) => Verdict::Adequate,
+        (false, false) => Verdict::Explained,
     };
     let mut warnings = check::warnings(bench, before, recordings);
     warnings.retain(|w| w.id != SHIFTED || shifted(verdict, &findings));
@@ -224,20 +230,17 @@ fn concluded(
             .iter_mut()
             .for_each(|f| f.confidence *= BESIDE_UNKNOWN);
     }
-    let z_before = whitened(bench, before);
-    let z_after = if selected.is_empty() {
-        vec![1.0; z_before.len()]
-    } else {
-        whitened(bench, &after)
-    };
-    let certain = leftover.certain;
+    let certain = leftover.certain || excess.is_some() && leftover.gain > 0.0;
     let leftover = unexplained(&leftover);
     let remains = certain.then_some(&leftover);
     let unexplained = remains.filter(|_| verdict == Verdict::Unknown).cloned();
-    let place = locate::locate(bench, before, &z_before, &z_after);
+    let place = place(bench, before, (!selected.is_empty()).then_some(&after));
     let text = match given {
         Some(given) => given_sentence(&given),
         None if departs && remains.is_none() => departure_sentence(bench, &after, &findings),
+        None if let Some(times) = excess => {
+            excess_sentence(times, &when(usual, &after), &findings, remains)
+        }
         None => verdict_sentence(verdict, &findings, remains, &warnings),
     };
     let diagnosis = Diagnosis {
@@ -254,10 +257,7 @@ fn concluded(
         unexplained,
         leftover,
         parameters: estimates(&after, None),
-        fit: BeforeAfter {
-            before: baseline.fit,
-            after: after_fit,
-        },
+        fit,
         departure,
         half_width: bench.problem.half_widths().collect(),
     };
@@ -280,9 +280,40 @@ fn astray(before: &Fit, after: &Fit) -> bool {
     hopeless || worse || lost && confirm::moves(train, held_out)
 }
 
-/// What bends the curve of friction over speed. All of them together piece a curve together that none of them is, as do two of
-/// them that leave something.
+/// How many times as far as noise explains free runs go wrong, if that is more than [`DEPARTS`] and what was found takes less than
+/// [`SHARE_OF_GENERIC`] off their squared error, on both parts. Over a second, errors add up that a window of the weak form takes
+/// for noise. Below the size of effects that are looked for, sampling and simulation may be all there is to them.
+fn excess(
+    bench: &Workbench,
+    fit: &BeforeAfter,
+    after: &Model,
+    recordings: &[Recording],
+) -> Result<Option<f64>> {
+    let (before, now) = (&fit.before, &fit.after);
+    let parts = [
+        (&before.train, &now.train),
+        (&before.held_out, &now.held_out),
+    ];
+    let left = |before: &fit::Error, now: &fit::Error| {
+        now.nrmse > select::SOUGHT
+            && now.nrmse.powi(2) > (1.0 - SHARE_OF_GENERIC) * before.nrmse.powi(2)
+    };
+    if !parts.into_iter().all(|(before, now)| left(before, now)) {
+        return Ok(None);
+    }
+    let times = bench.excess(after, recordings, DEPARTS)?;
+    Ok(times.filter(|times| *times > DEPARTS))
+}
+
+/// What bends the curve of friction over speed.
 const CURVES: [&str; 3] = ["stribeck", "quadratic-drag", "power-law-viscous"];
+
+/// Whether effects piece a curve together that none of them is: all that bend it, or two that leave something.
+fn pieced(selected: &[Selected], leftover: &Leftover) -> bool {
+    let ids = selected.iter().map(|s| s.trial.effect.id());
+    let curves = ids.filter(|id| CURVES.contains(id)).count();
+    curves == CURVES.len() || curves > 1 && leftover.certain
+}
 
 /// Warnings of what effects of the catalogue do as well: delay, lag and inertia mismatch.
 const PHYSICS_TOO: [&str; 3] = [SHIFTED, "given-inertia", "long-delay"];
@@ -458,6 +489,13 @@ fn error(bench: &Workbench, model: &Model) -> Result<f64> {
     Ok(base.map_or(f64::INFINITY, |b| b.score().cross_validated / b.rows()))
 }
 
+/// Where a model errs by more than another, or than noise.
+fn place(bench: &Workbench, model: &Model, other: Option<&Model>) -> Where {
+    let z = whitened(bench, model);
+    let other = other.map_or_else(|| vec![1.0; z.len()], |other| whitened(bench, other));
+    locate::locate(bench, model, &z, &other)
+}
+
 fn whitened(bench: &Workbench, model: &Model) -> Vec<f64> {
     let emphasis = system::emphasis(&bench.problem, model);
     let mut residual = bench.noise.whiten(&system::residual(&bench.problem, model));
@@ -520,24 +558,49 @@ fn given_sentence(given: &str) -> String {
 
 /// What to say of a held-out part that is unlike the rest.
 fn departure_sentence(bench: &Workbench, after: &Model, findings: &[Finding]) -> String {
-    let z = whitened(bench, after);
-    let place = locate::locate(bench, after, &z, &vec![1.0; z.len()]);
-    let spans = place.time.iter().map(|span| format::range(*span, "s"));
-    let when = spans.collect::<Vec<_>>().join(" and ");
-    let even = if findings.is_empty() {
-        String::new()
-    } else {
-        format!(", even with {} in", names(findings))
-    };
+    let when = when(bench, after);
+    let even = even_with(findings);
     format!(
         "The last 30 % of the recording, which no fit has seen, depart from what the rest says{even}, most of all at {when}: something acts there that the rest does not show. If something touched the axis then, record again without; otherwise so that all levels of drive, speed and position come early and late."
     )
+}
+
+/// What to say of free runs that go wrong that many times as far as noise explains.
+fn excess_sentence(
+    times: f64,
+    when: &str,
+    findings: &[Finding],
+    remains: Option<&Unexplained>,
+) -> String {
+    let even = even_with(findings);
+    let depends = remains.and_then(|rest| rest.coordinates.first());
+    let depends = depends.map_or_else(String::new, |(coordinate, _)| {
+        format!("; if anything, it depends on {coordinate}")
+    });
+    format!(
+        "Something is left out{even}: free runs of 1 s go wrong {times:.1} times as far as the noise of the recording explains. It is too rare or too slow to be told from noise otherwise{depends}. Look at {when}, where the model errs most."
+    )
+}
+
+/// When a model errs by more than noise.
+fn when(bench: &Workbench, model: &Model) -> String {
+    let place = place(bench, model, None);
+    let spans = place.time.iter().map(|span| format::range(*span, "s"));
+    spans.collect::<Vec<_>>().join(" and ")
 }
 
 /// Names and ids of what was found.
 fn names(findings: &[Finding]) -> String {
     let names = findings.iter().map(|f| format!("{} ({})", f.name, f.id));
     names.collect::<Vec<_>>().join("; ")
+}
+
+/// What follows a sentence that holds with these in the model as well.
+fn even_with(findings: &[Finding]) -> String {
+    if findings.is_empty() {
+        return String::new();
+    }
+    format!(", even with {} in", names(findings))
 }
 
 fn verdict_sentence(
@@ -570,11 +633,7 @@ fn verdict_sentence(
         }
         Verdict::Unknown => {
             let Some(unexplained) = remains else {
-                let even = if findings.is_empty() {
-                    String::new()
-                } else {
-                    format!(", even with {} in", names(findings))
-                };
+                let even = even_with(findings);
                 return format!(
                     "The model hardly predicts the motion{even}, and the recording is too noisy or too uniform to tell what is left out: record again with both directions, several speeds and reversals."
                 );

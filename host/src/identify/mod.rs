@@ -1,6 +1,7 @@
 //! Identification by the weak form (DBI): from recordings and a model with unknowns to values with errors.
 
 mod bend;
+mod excess;
 mod profile;
 mod settle;
 mod side;

@@ -194,7 +194,7 @@ impl Workbench {
     }
 
     /// RMS of the torque or force, constant within each sample, that makes up the noise of the rows beside the encoder's.
-    fn load_noise(&self, noise: &Noise, model: &Model) -> f64 {
+    pub(super) fn load_noise(&self, noise: &Noise, model: &Model) -> f64 {
         let scale = system::torque_scale(&self.problem, model);
         let inertia = model.parameters()[model.moving_inertia()].value;
         let all = noise.law.floor() * scale * scale;
@@ -210,9 +210,7 @@ impl Workbench {
 
     /// Twins of the recordings under a load of some RMS; `None` where the model describes no axis that could give them.
     fn twins(&self, model: &Model, recordings: &[Recording], load: f64) -> Option<Twins> {
-        let pairs = recordings.par_iter().zip(self.problem.tracks.par_iter());
-        let whites = pairs.map(|(recording, track)| twin::white(model, recording, track, load));
-        let whites = whites.collect::<Option<Vec<_>>>()?;
+        let whites = self.whites(model, recordings, load)?;
         // The last one is the ideal one, without noise.
         let make = |draw: usize| {
             let draw = (draw < DRAWS).then(|| Draw {
@@ -273,20 +271,44 @@ impl Workbench {
                 load_seed: draw.load_seed ^ index << 32,
                 ..draw
             });
-            let twin = Twin::new(model, recording, track, own)?.recording(recording);
-            let made = match draw {
-                None => Track::new(&twin, before.motion, None),
-                Some(_) => {
-                    Track::smoothed(&twin, before.motion, self.balance, Some(track.smoothing))
-                }
-            };
-            Some(made.piece_of(track.whole, track.boundary))
+            let (_, track) = self.seen(model, recording, track, own)?;
+            Some(track)
         };
         let pairs = (0..).zip(recordings.iter().zip(before.tracks.iter()).zip(whites));
         let tracks = pairs.map(track).collect::<Option<Vec<_>>>()?;
         let reaches: Vec<usize> = before.windows.iter().map(|w| w.reach).collect();
         let problem = Problem::new(tracks, &reaches, before.motion, before.response);
         Some(problem)
+    }
+
+    /// What a twin of one recording shows, and its track, smoothed as that of the recording was; without a draw, what ideal
+    /// sensors show of a twin without noise.
+    pub(super) fn seen(
+        &self,
+        model: &Model,
+        recording: &Recording,
+        track: &Track,
+        draw: Option<Draw>,
+    ) -> Option<(Recording, Track)> {
+        let seen = Twin::new(model, recording, track, draw)?.recording(recording);
+        let motion = self.problem.motion;
+        let made = match draw {
+            None => Track::new(&seen, motion, None),
+            Some(_) => Track::smoothed(&seen, motion, self.balance, Some(track.smoothing)),
+        };
+        Some((seen, made.piece_of(track.whole, track.boundary)))
+    }
+
+    /// RMS of the noise that the sensor of each recording adds.
+    pub(super) fn whites(
+        &self,
+        model: &Model,
+        recordings: &[Recording],
+        load: f64,
+    ) -> Option<Vec<f64>> {
+        let pairs = recordings.par_iter().zip(self.problem.tracks.par_iter());
+        let whites = pairs.map(|(recording, track)| twin::white(model, recording, track, load));
+        whites.collect()
     }
 }
 
