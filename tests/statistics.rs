@@ -275,6 +275,24 @@ fn a_load_with_friction_of_its_own_is_found_behind_a_gap() {
     assert!(2 * braked > found.len(), "{found:?}");
 }
 
+/// Sensors that err by a third of a radian and more: what they feign depends on where the axis stands, not on what they show. To
+/// the first order it is several other effects at once.
+#[test]
+fn a_large_eccentricity_is_one() {
+    for seed in [90_001, 90_011] {
+        let recipe = Recipe::random(seed, Some("sensor-eccentricity"), 0.3, Noise::Low);
+        let (_, outcome, _) = examine(&recipe);
+        let found = &outcome.diagnosis;
+        let ids: Vec<_> = found.findings.iter().map(|f| f.id).collect();
+        assert_eq!(ids, ["sensor-eccentricity"], "{seed}: {}", found.text);
+        let amplitude = found.findings[0].parameters["amplitude"].value;
+        assert!(amplitude > 0.33, "{amplitude}");
+        let fit = &found.fit;
+        let (before, after) = (fit.before.held_out.nrmse, fit.after.held_out.nrmse);
+        assert!(after < 0.02 * before, "{before} {after}");
+    }
+}
+
 #[test]
 fn what_the_catalogue_does_not_know_is_called_unknown() {
     let mut wrong = Vec::new();

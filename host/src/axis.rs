@@ -4,7 +4,7 @@ use std::cmp::Ordering;
 
 use bristle_core::friction::{CoulombViscous, Dynamic, Friction};
 
-use crate::effects::{Coupling, Effect, Inner, Moment, Path, Point, Seat, Swing};
+use crate::effects::{self, Coupling, Effect, Inner, Moment, Path, Point, Seat, Swing, WIDEST};
 use crate::error::{Error, Result};
 use crate::model::{Bristles, Model, Parameter, Term};
 use crate::motion::Motion;
@@ -48,9 +48,6 @@ pub struct Axis {
     /// Errors in the measured position, with their coefficients.
     errors: Vec<(&'static dyn Effect, Vec<f64>)>,
 }
-
-/// Room for the basis of any effect.
-const WIDEST: usize = 4;
 
 impl Contact {
     /// The friction law and the effects of a model in which every value is known.
@@ -356,45 +353,34 @@ impl Axis {
         (0..=last).map(|k| [relative[k], rate(k)]).collect()
     }
 
-    /// Error of a measured position, and its slope.
+    /// What the sensor adds to a true position, and its slope.
     fn error(&self, q: f64) -> (f64, f64) {
         let mut sum = (0.0, 0.0);
         for (effect, coefficients) in &self.errors {
-            let mut unit = [(0.0, 0.0); WIDEST];
-            effect.error(q, &mut unit);
-            for (c, (value, slope)) in coefficients.iter().zip(unit) {
-                sum = (sum.0 + c * value, sum.1 + c * slope);
-            }
+            let (value, slope) = effects::error(*effect, coefficients, q);
+            sum = (sum.0 + value, sum.1 + slope);
         }
         sum
     }
 
     /// The true state behind a measured one.
     pub fn truth(&self, measured: State) -> State {
-        let (error, slope) = self.error(measured.q);
+        if self.errors.is_empty() {
+            return measured;
+        }
+        let q = effects::behind(measured.q, |q| self.error(q));
         State {
-            q: measured.q - error,
-            v: measured.v * (1.0 - slope),
+            q,
+            v: measured.v / (1.0 + self.error(q).1),
         }
     }
 
-    /// What the sensor makes of a true state: [`Axis::truth`] inverted by iteration, as its errors are small.
+    /// What the sensor makes of a true state.
     pub fn seen(&self, truth: State) -> State {
-        const ITERATIONS: usize = 30;
-        if self.errors.is_empty() {
-            return truth;
-        }
-        let mut q = truth.q;
-        for _ in 0..ITERATIONS {
-            let next = truth.q + self.error(q).0;
-            if next.to_bits() == q.to_bits() {
-                break;
-            }
-            q = next;
-        }
+        let (error, slope) = self.error(truth.q);
         State {
-            q,
-            v: truth.v / (1.0 - self.error(q).1),
+            q: truth.q + error,
+            v: truth.v * (1.0 + slope),
         }
     }
 }

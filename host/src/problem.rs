@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
-use crate::effects::{Carried, Effect, Inner, Path, Point, Survey, Wave};
+use crate::effects::{self, Carried, Effect, Inner, Path, Point, Survey, Wave};
 use crate::model::Model;
 use crate::motion::Motion;
 use crate::phasor;
@@ -452,27 +452,54 @@ impl Problem {
         })
     }
 
-    /// Mean acceleration and mean velocity of the error in the measured position, for each unit coefficient of an effect.
-    pub fn errors(&self, effect: &'static dyn Effect) -> Vec<[Column; 2]> {
-        let columns = self.cached((effect.id(), Vec::new()), || {
-            let of = |j: usize, functional: fn(&Windows, &[f64]) -> Vec<f64>| {
-                self.stack(|track, windows| {
-                    let mut out = vec![(0.0, 0.0); effect.width()];
-                    let error = |&q: &f64| {
-                        effect.error(q, &mut out);
-                        out[j].0
-                    };
-                    functional(windows, &track.q.iter().map(error).collect::<Vec<f64>>())
-                })
+    /// Mean acceleration and mean velocity of the error in the measured position, for each unit coefficient of an effect: at the
+    /// position that is behind the measured one if these are its coefficients.
+    pub fn errors(&self, effect: &'static dyn Effect, coefficients: &[f64]) -> Vec<[Column; 2]> {
+        let columns = self.cached(of_error(effect, Whole::Not, coefficients), || {
+            let behind = self.behind(effect, coefficients);
+            let unit = |j: usize| {
+                let value = |q: f64| {
+                    let mut out = [(0.0, 0.0); effects::WIDEST];
+                    effect.error(q, &mut out);
+                    out[j].0
+                };
+                let signal = |places: &Vec<f64>| places.iter().copied().map(value).collect();
+                self.means(behind.iter().map(signal))
             };
-            (0..effect.width())
-                .flat_map(|j| [of(j, Windows::acceleration), of(j, Windows::velocity)])
-                .collect()
+            (0..effect.width()).flat_map(unit).collect()
         });
-        columns
-            .chunks(2)
-            .map(|pair| [pair[0].clone(), pair[1].clone()])
-            .collect()
+        let pairs = columns.chunks(2);
+        pairs.map(|two| [two[0].clone(), two[1].clone()]).collect()
+    }
+
+    /// The same of the whole error that an effect of these coefficients makes.
+    pub fn error(&self, effect: &'static dyn Effect, coefficients: &[f64]) -> [Column; 2] {
+        let columns = self.cached(of_error(effect, Whole::Yes, coefficients), || {
+            let places = self.behind(effect, coefficients).into_iter();
+            let signals = places.zip(self.tracks.iter()).map(|(places, track)| {
+                let pairs = track.q.iter().zip(places);
+                pairs.map(|(shown, q)| shown - q).collect()
+            });
+            self.means(signals).into()
+        });
+        [columns[0].clone(), columns[1].clone()]
+    }
+
+    /// The positions of every track that are behind the measured ones if an effect of these coefficients makes an error.
+    fn behind(&self, effect: &dyn Effect, coefficients: &[f64]) -> Vec<Vec<f64>> {
+        let behind = |&q: &f64| effects::behind(q, |q| effects::error(effect, coefficients, q));
+        let tracks = self.tracks.iter();
+        tracks.map(|t| t.q.iter().map(behind).collect()).collect()
+    }
+
+    /// Mean acceleration and mean velocity of a signal at the nodes of every track.
+    fn means(&self, signals: impl Iterator<Item = Vec<f64>>) -> [Vec<f64>; 2] {
+        let mut means = [Vec::new(), Vec::new()];
+        for (windows, signal) in self.windows.iter().zip(signals) {
+            means[0].extend(windows.acceleration(&signal));
+            means[1].extend(windows.velocity(&signal));
+        }
+        means
     }
 
     /// The columns of a group of generic functions.
@@ -551,6 +578,20 @@ impl Problem {
     fn most_kept(&self) -> usize {
         (MOST_VALUES / self.rows.len().max(1)).max(FEWEST_KEPT)
     }
+}
+
+/// Whether columns are those of a whole error, or of its parts.
+#[derive(Clone, Copy)]
+enum Whole {
+    Yes,
+    Not,
+}
+
+/// What columns of the error of a sensor depend on.
+fn of_error(effect: &dyn Effect, whole: Whole, coefficients: &[f64]) -> Key {
+    let form = [whole as u64, effect.width() as u64];
+    let bits = coefficients.iter().map(|c| c.to_bits());
+    (effect.id(), form.into_iter().chain(bits).collect())
 }
 
 /// Signals that are kept: those of the input and of all terms of a model, and as many again.

@@ -310,12 +310,12 @@ mod tests {
     fn truth_and_reading_are_inverse_and_err_as_said() {
         let text = "[plant]\nmotion = \"rotary\"\ninertia = 0.01\n[friction]\ncoulomb = 0.1\nviscous = 0.0\n[effects.sensor-eccentricity]\namplitude = 0.02\nphase = 0.6\n";
         let axis = Axis::new(&Model::parse(text).unwrap()).unwrap();
-        let seen = State { q: 1.3, v: 7.0 };
-        let truth = axis.truth(seen);
+        let truth = State { q: 1.3, v: 7.0 };
+        let seen = axis.seen(truth);
         assert!((seen.q - truth.q - 0.02 * 1.9f64.sin()).abs() < 1e-15);
-        assert!((truth.v - 7.0 * (1.0 - 0.02 * 1.9f64.cos())).abs() < 1e-14);
-        let again = axis.seen(truth);
-        assert!((again.q - seen.q).abs() < 1e-14 && (again.v - seen.v).abs() < 1e-13);
+        assert!((seen.v - 7.0 * (1.0 + 0.02 * 1.9f64.cos())).abs() < 1e-14);
+        let again = axis.truth(seen);
+        assert!((again.q - truth.q).abs() < 1e-14 && (again.v - truth.v).abs() < 1e-13);
     }
 
     /// Under a step `u₀` without friction, `v = u₀/J·(t − τ·(1 − e^(−t/τ)))`.

@@ -428,7 +428,7 @@ impl Sides {
 /// has so far; the joint refinement takes the one that it arrives at.
 pub fn columns(problem: &Problem, model: &Model, term: &Term) -> Vec<Column> {
     let effect = term.effect;
-    let (inner, _) = effect.linear(&values(term), model.scale());
+    let (inner, coefficients) = effect.linear(&values(term), model.scale());
     if effect.seat() != Seat::Sensor {
         let direction = problem.direction(model);
         return torques(problem, effect, inner, &direction, &path(model));
@@ -443,7 +443,8 @@ pub fn columns(problem: &Problem, model: &Model, term: &Term) -> Vec<Column> {
         add(&mut column, damping, velocity);
         Column::new(column)
     };
-    problem.errors(effect).iter().map(feigned).collect()
+    let errors = problem.errors(effect, &coefficients);
+    errors.iter().map(feigned).collect()
 }
 
 /// The columns of an effect that sits in no sensor.
@@ -458,7 +459,7 @@ fn torques(
     match effect.seat() {
         Seat::Load => problem.load(effect, inner),
         Seat::Momentum => {
-            let both = basis().into_iter().zip(problem.errors(effect));
+            let both = basis().into_iter().zip(problem.errors(effect, &[]));
             let sum = |(basis, [momentum, _]): (Column, [Column; 2])| {
                 let mut sum = basis.to_vec();
                 add(&mut sum, 1.0, &momentum);
@@ -617,10 +618,9 @@ pub fn residual(problem: &Problem, model: &Model) -> Vec<f64> {
     for term in &model.terms {
         let (inner, coefficients) = term.effect.linear(&values(term), model.scale());
         if term.effect.seat() == Seat::Sensor {
-            for ([feigned, velocity], c) in problem.errors(term.effect).iter().zip(coefficients) {
-                add(&mut acceleration, -c, feigned);
-                add(&mut torque, c * value(&model.viscous), velocity);
-            }
+            let [feigned, velocity] = problem.error(term.effect, &coefficients);
+            add(&mut acceleration, -1.0, &feigned);
+            add(&mut torque, value(&model.viscous), &velocity);
         } else {
             let columns = torques(problem, term.effect, inner, &direction, &path);
             for (column, c) in columns.iter().zip(coefficients) {

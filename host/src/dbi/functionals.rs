@@ -164,7 +164,11 @@ fn of_effect(bench: &Workbench, model: &Model, term: &Term) -> Vec<Raw> {
     let (formula, unit, columns) = match effect.seat() {
         Seat::Load => ("∫l φ̈", "1", problem.load(effect, inner)),
         Seat::Sensor => {
-            let columns = problem.errors(effect).iter().map(feigned).collect();
+            let columns = problem
+                .errors(effect, &coefficients)
+                .iter()
+                .map(feigned)
+                .collect();
             ("−J·∫e φ̈ + Fv·∫e φ̇", torque, columns)
         }
         Seat::Torque => {

@@ -17,6 +17,7 @@ mod path;
 mod point;
 mod position_dependent_viscous;
 mod quantity;
+mod sensor_eccentricity_harmonic;
 mod spring_off_centre;
 mod swing;
 mod wave;
@@ -245,7 +246,7 @@ pub trait Effect: Sync {
     }
     /// What the effect does to the way of the input, for named parameters.
     fn transmit(&self, _parameters: &[f64], _path: &mut Path) {}
-    /// The error of the measured position `q` of each unit coefficient, and its slope over `q`, into `out`; of what sits in
+    /// The error of the measured position at a true one, `q`, of each unit coefficient, and its slope over `q`, into `out`; of what sits in
     /// the momentum, what takes the place of the error.
     fn error(&self, _q: f64, _out: &mut [(f64, f64)]) {}
     /// Where a load that the measured motion carries along stands, relative to the measured position `q`; `v` is the
@@ -281,6 +282,37 @@ pub trait Effect: Sync {
     fn derived(&self) -> &'static [Derived] {
         &[]
     }
+}
+
+/// Room for the basis of any effect.
+pub const WIDEST: usize = 4;
+
+/// What an effect of these coefficients adds to a measured position where the true one is `q`, and its slope.
+pub fn error(effect: &dyn Effect, coefficients: &[f64], q: f64) -> (f64, f64) {
+    let mut units = [(0.0, 0.0); WIDEST];
+    effect.error(q, &mut units);
+    let each = coefficients.iter().zip(units);
+    each.fold((0.0, 0.0), |sum, (c, (value, slope))| {
+        (sum.0 + c * value, sum.1 + c * slope)
+    })
+}
+
+/// Where an axis stands that a sensor shows at `shown`, if its error there, which comes with its slope, is added: by Newton's
+/// method, as slopes are above -1.
+pub fn behind(shown: f64, error: impl Fn(f64) -> (f64, f64)) -> f64 {
+    const ITERATIONS: usize = 30;
+    /// After a step like this a next one would be as its square, which is no more than rounding.
+    const SMALL: f64 = 1e-8;
+    let mut q = shown;
+    for _ in 0..ITERATIONS {
+        let (value, slope) = error(q);
+        let step = (shown - value - q) / (1.0 + slope);
+        q += step;
+        if step.abs() < SMALL {
+            break;
+        }
+    }
+    q
 }
 
 /// A quantity that follows from an effect's parameters and the friction law: `a·own[0] + b·coulomb + c·viscous`.

@@ -1,6 +1,8 @@
 //! # What it is
-//! A once-per-turn error of the measured position: the sensor shows `q` where the axis stands at
-//! `q − amplitude·sin(q + phase)`.
+//! A once-per-turn error of the measured position: where the axis stands at `q`, the sensor shows
+//! `q + amplitude·sin(q + phase)`. Where the error depends on what is shown instead, there is a second harmonic of half of the
+//! amplitude squared, a `second_amplitude` with a `second_phase`, in `second_amplitude·sin(2·q + second_phase)`; up to twice that is
+//! taken for one.
 //!
 //! # What it looks like in a recording
 //! A feigned acceleration once per turn that grows with the square of speed; at constant speed the measured velocity
@@ -22,14 +24,14 @@
 //! for electric vehicle traction applications, IEEE Trans. Industrial Electronics 63(8), 2016.
 
 use super::{Confusion, Effect, FREE, Given, Impostor, Inner, Motion, Quantity, Scale, Seat, Spec, cartesian, polar};
+use super::sensor_eccentricity_harmonic::SensorEccentricityHarmonic;
 use super::swing::Swing;
 use crate::format::quantity;
 
 pub(super) struct SensorEccentricity;
 
-/// Largest amplitude, rad. Up to there the error that is modelled, which is of the first order, holds within a sixth of itself, as
-/// the second is half of its square; beyond, the term is another function of position.
-const LARGEST: f64 = 1.0 / 3.0;
+/// Largest amplitude, rad: half of that from which on the sensor would run backwards.
+const LARGEST: f64 = 0.5;
 
 impl Effect for SensorEccentricity {
     fn id(&self) -> &'static str {
@@ -77,6 +79,9 @@ impl Effect for SensorEccentricity {
             effect: &Swing,
             coordinate: "position and squared velocity",
         })
+    }
+    fn other_forms(&self) -> &'static [&'static dyn Effect] {
+        &[&SensorEccentricityHarmonic]
     }
     fn seat(&self) -> Seat {
         Seat::Sensor

@@ -9,7 +9,7 @@ use std::sync::OnceLock;
 
 use rayon::prelude::*;
 
-use crate::effects::{Effect, Inner, Search, Survey};
+use crate::effects::{Effect, Inner, Search, Seat, Survey};
 use crate::error::Result;
 use crate::linear::{self, Products, Score};
 use crate::model::{Model, Term};
@@ -83,6 +83,9 @@ pub struct Found {
 const GOLDEN_STEPS: usize = 10;
 /// Times that two inner parameters are refined by turns.
 const TURNS: usize = 2;
+/// Times that the error of a sensor is told anew where the axis stands without what it was told to be: where that settles, each
+/// leaves the share of it that the error is of a radian.
+const STRAIGHTENED: usize = 4;
 /// Places on a grid that are scored side by side.
 const BATCH: usize = 16;
 /// Places on a grid from which on it is large.
@@ -317,7 +320,7 @@ impl<'a> Ground<'a> {
     /// fall of its friction law, which may have bent to what the term explains.
     fn with(&self, term: &Term, inner: Inner) -> Result<Option<Score>> {
         let mut model = self.model_with(term, inner);
-        let (system, score);
+        let (mut system, mut score);
         if term.effect.width() == 0 {
             if system::path(&model).gap > 0.0 {
                 // What a gap keeps back follows from the numbers of the model, which without it are far from the truth.
@@ -329,8 +332,13 @@ impl<'a> Ground<'a> {
             system = self.anew(&model)?;
             score = system.score(self.setting.blocks);
         } else {
+            let scored =
+                |system: &System| system.score_of(self.products_with(&system.columns_and([])), 0.0);
             system = self.extended(&model);
-            score = system.score_of(self.products_with(&system.columns_and([])), 0.0);
+            score = scored(&system);
+            if term.effect.seat() == Seat::Sensor {
+                (system, score) = self.straightened(model.clone(), (system, score));
+            }
         }
         let Some(score) = score else { return Ok(None) };
         let admissible = system.decode(&score.beta, &mut model);
@@ -342,6 +350,30 @@ impl<'a> Ground<'a> {
             Some(level) => level?.map_or(Ok(None), |level| level.with(term, inner)),
             None => Ok(None),
         }
+    }
+
+    /// The system and the score of a model whose last term is the error of a sensor, told anew where the axis stands without what
+    /// it was told to be, as long as that lowers χ².
+    fn straightened(
+        &self,
+        mut model: Model,
+        (mut system, mut score): (System, Option<Score>),
+    ) -> (System, Option<Score>) {
+        for _ in 0..STRAIGHTENED {
+            let Some(before) = &score else { break };
+            if !system.decode(&before.beta, &mut model) {
+                break;
+            }
+            let next = self.extended(&model);
+            let anew = next.score_of(self.products_with(&next.columns_and([])), 0.0);
+            let better =
+                |s: &Score| s.chi2 < before.chi2 && next.decode(&s.beta, &mut model.clone());
+            let Some(anew) = anew.filter(better) else {
+                break;
+            };
+            (system, score) = (next, Some(anew));
+        }
+        (system, score)
     }
 
     /// A score of a system with the emphasis of the model that it led to, whose gain may ripple as it did not before.
