@@ -246,8 +246,8 @@ pub trait Effect: Sync {
     }
     /// What the effect does to the way of the input, for named parameters.
     fn transmit(&self, _parameters: &[f64], _path: &mut Path) {}
-    /// The error of the measured position at a true one, `q`, of each unit coefficient, and its slope over `q`, into `out`; of what sits in
-    /// the momentum, what takes the place of the error.
+    /// The error of the measured position where the true one is `q`, of each unit coefficient, and its slope over `q`, into
+    /// `out`; of what sits in the momentum, what takes the place of the error.
     fn error(&self, _q: f64, _out: &mut [(f64, f64)]) {}
     /// Where a load that the measured motion carries along stands, relative to the measured position `q`; `v` is the
     /// smoothed velocity.
