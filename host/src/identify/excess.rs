@@ -1,7 +1,5 @@
 //! How much further than noise explains free runs of a model go wrong.
 
-use rayon::prelude::*;
-
 use super::Workbench;
 use super::twin::Draw;
 use crate::error::Result;
@@ -36,23 +34,16 @@ impl Workbench {
         let own = fit::parts(model, recordings, &self.problem.tracks)?;
         let mut excess = f64::INFINITY;
         for number in 0..TWINS {
-            let pairs = recordings.par_iter().zip(self.problem.tracks.par_iter());
-            let twins = pairs.zip(&whites).enumerate();
-            let twins = twins.map(|(index, ((recording, track), &white))| {
-                let seed = number ^ (index as u64) << 32;
-                let draw = Draw {
-                    at: (number as f64 + 0.5) / TWINS as f64,
-                    white,
-                    load,
-                    seed,
-                    load_seed: seed,
-                };
-                self.seen(model, recording, track, Some(draw))
-            });
-            let Some(twins) = twins.collect::<Option<Vec<_>>>() else {
+            let draw = Draw {
+                at: (number as f64 + 0.5) / TWINS as f64,
+                white: 0.0,
+                load,
+                seed: number,
+                load_seed: number,
+            };
+            let Some((seen, tracks)) = self.seen(model, recordings, Some(draw), &whites) else {
                 return Ok(None);
             };
-            let (seen, tracks): (Vec<_>, Vec<_>) = twins.into_iter().unzip();
             let twins = fit::parts(model, &seen, &tracks)?;
             let times = |of: fn(&Parts) -> fit::Error| {
                 of(&own).rmse / of(&twins).rmse.max(f64::MIN_POSITIVE)

@@ -263,40 +263,44 @@ impl Workbench {
         draw: Option<Draw>,
         whites: &[f64],
     ) -> Option<Problem> {
+        let (_, tracks) = self.seen(model, recordings, draw, whites)?;
         let before = &self.problem;
-        let track = |(index, ((recording, track), &white)): (u64, ((&Recording, &Track), &f64))| {
+        let reaches: Vec<usize> = before.windows.iter().map(|w| w.reach).collect();
+        let problem = Problem::new(tracks, &reaches, before.motion, before.response);
+        Some(problem)
+    }
+
+    /// What one twin of each recording shows, and their tracks, smoothed as those of the recordings were; without a draw, what
+    /// ideal sensors show of twins without noise.
+    pub(super) fn seen(
+        &self,
+        model: &Model,
+        recordings: &[Recording],
+        draw: Option<Draw>,
+        whites: &[f64],
+    ) -> Option<(Vec<Recording>, Vec<Track>)> {
+        let motion = self.problem.motion;
+        let twin = |(index, ((recording, track), &white)): (u64, ((&Recording, &Track), &f64))| {
             let own = draw.map(|draw| Draw {
                 white,
                 seed: draw.seed ^ index << 32,
                 load_seed: draw.load_seed ^ index << 32,
                 ..draw
             });
-            let (_, track) = self.seen(model, recording, track, own)?;
-            Some(track)
+            let seen = Twin::new(model, recording, track, own)?.recording(recording);
+            let made = match draw {
+                None => Track::new(&seen, motion, None),
+                Some(_) => Track::smoothed(&seen, motion, self.balance, Some(track.smoothing)),
+            };
+            Some((seen, made.piece_of(track.whole, track.boundary)))
         };
-        let pairs = (0..).zip(recordings.iter().zip(before.tracks.iter()).zip(whites));
-        let tracks = pairs.map(track).collect::<Option<Vec<_>>>()?;
-        let reaches: Vec<usize> = before.windows.iter().map(|w| w.reach).collect();
-        let problem = Problem::new(tracks, &reaches, before.motion, before.response);
-        Some(problem)
-    }
-
-    /// What a twin of one recording shows, and its track, smoothed as that of the recording was; without a draw, what ideal
-    /// sensors show of a twin without noise.
-    pub(super) fn seen(
-        &self,
-        model: &Model,
-        recording: &Recording,
-        track: &Track,
-        draw: Option<Draw>,
-    ) -> Option<(Recording, Track)> {
-        let seen = Twin::new(model, recording, track, draw)?.recording(recording);
-        let motion = self.problem.motion;
-        let made = match draw {
-            None => Track::new(&seen, motion, None),
-            Some(_) => Track::smoothed(&seen, motion, self.balance, Some(track.smoothing)),
-        };
-        Some((seen, made.piece_of(track.whole, track.boundary)))
+        let pairs = (0..).zip(
+            recordings
+                .iter()
+                .zip(self.problem.tracks.iter())
+                .zip(whites),
+        );
+        pairs.map(twin).collect()
     }
 
     /// RMS of the noise that the sensor of each recording adds.

@@ -332,10 +332,8 @@ impl<'a> Ground<'a> {
             system = self.anew(&model)?;
             score = system.score(self.setting.blocks);
         } else {
-            let scored =
-                |system: &System| system.score_of(self.products_with(&system.columns_and([])), 0.0);
             system = self.extended(&model);
-            score = scored(&system);
+            score = self.scored(&system);
             if term.effect.seat() == Seat::Sensor {
                 (system, score) = self.straightened(model.clone(), (system, score));
             }
@@ -365,7 +363,7 @@ impl<'a> Ground<'a> {
                 break;
             }
             let next = self.extended(&model);
-            let anew = next.score_of(self.products_with(&next.columns_and([])), 0.0);
+            let anew = self.scored(&next);
             let better =
                 |s: &Score| s.chi2 < before.chi2 && next.decode(&s.beta, &mut model.clone());
             let Some(anew) = anew.filter(better) else {
@@ -399,6 +397,11 @@ impl<'a> Ground<'a> {
             let _ = self.level.set(level.map(Box::new));
         }
         Ok(self.level.get().and_then(Option::as_deref))
+    }
+
+    /// The score of the system with further columns after its own.
+    fn scored(&self, extended: &System) -> Option<Score> {
+        extended.score_of(self.products_with(&extended.columns_and([])), 0.0)
     }
 
     /// The products of the model's columns with others, which come after them in `columns`.
