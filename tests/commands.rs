@@ -236,6 +236,30 @@ fn identify_estimates_with_errors() {
     );
 }
 
+/// Values from all of a recording are more certain; the errors stay those of values that have not seen the rest.
+#[test]
+fn the_whole_recording_is_fitted_once_the_values_are_judged() {
+    let folder = Folder::with(PLAIN, SECONDS);
+    folder.done("identify run.csv --model axis.toml --json part.json");
+    let shown = folder.done(
+        "identify run.csv --model axis.toml --whole --json whole.json --model-out whole.toml",
+    );
+    assert!(shown.contains("whole recordings"), "{shown}");
+    let [part, whole] = ["part.json", "whole.json"].map(|file| folder.json(file));
+    assert_eq!(part["fit"], whole["fit"]);
+    assert_eq!(whole["whole"], true);
+    assert!(part.get("whole").is_none());
+    for (name, truth) in [("inertia", 0.012), ("coulomb", 0.12), ("viscous", 0.02)] {
+        let get = |of: &Value, key: &str| number(of, &format!("parameters.{name}.{key}"));
+        let (value, se) = (get(&whole, "value"), get(&whole, "se"));
+        assert!((value - truth).abs() < 4.0 * se, "{name}: {value} ± {se}");
+        assert!(se < get(&part, "se"), "{name}: {se}");
+    }
+    let written = std::fs::read_to_string(folder.path("whole.toml")).expect("a model");
+    let value = number(&whole, "parameters.viscous.value");
+    assert!(written.contains(&format!("value = {value}")), "{written}");
+}
+
 #[test]
 fn dbi_shows_how_the_estimates_come_about() {
     let folder = Folder::with(PLAIN, SECONDS);

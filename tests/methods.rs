@@ -243,6 +243,8 @@ fn what_makes_no_sense_is_refused() {
         ("--method pem --horizon 0", "positive"),
         ("--curve --horizon 1", "--curve"),
         ("--curve --report out.html", "--report"),
+        ("--curve --whole", "--whole"),
+        ("--whole --stream-above 1000", "--whole does not"),
         ("--curve", "steady points"),
     ] {
         let ran = folder.run(&format!(

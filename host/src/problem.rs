@@ -157,6 +157,12 @@ impl Problem {
         })
     }
 
+    /// The share of the recordings that is for training.
+    pub fn training_share(&self) -> f64 {
+        let shares = self.tracks.iter().map(Track::training_share);
+        shares.fold(0.0, f64::max)
+    }
+
     /// Prepares the tracks of all recordings.
     pub fn tracks(
         recordings: &[Recording],

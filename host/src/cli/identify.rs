@@ -16,8 +16,9 @@ use super::windows::Windows;
 use super::{DONE, Outcome, terminal};
 use crate::check::{self, Warning};
 use crate::diagnose::{Estimates, estimates};
+use crate::error::{Error, Result};
 use crate::fit::Fit;
-use crate::identify::{Identified, Tried, Workbench, identify};
+use crate::identify::{Identified, Tried, Workbench};
 use crate::model::Model;
 use crate::recording::Recording;
 use crate::report;
@@ -29,7 +30,8 @@ use crate::stream;
 /// no noisy signal is differentiated. With --method pem the fit goes on from there and minimises the errors of
 /// predicting each reading from those before it, which takes some seconds and is more precise, for friction near
 /// standstill above all. The fit sees the first 70 % of each recording; the errors are reported for that part and
-/// for the rest.
+/// for the rest. With --whole the values are then estimated anew from all of each recording, while the errors stay those
+/// of values that have not seen the rest.
 ///
 /// Recordings of any length: those with more samples than --stream-above, together, are read piece by piece in memory that
 /// does not depend on their length. CSV files are, that is; Parquet and MATLAB files are loaded whole, and worked on in
@@ -56,6 +58,10 @@ pub(super) struct Command {
     /// Read recordings with more samples than this, together, piece by piece; a report then shows stretches of them
     #[arg(long, value_name = "SAMPLES", default_value_t = stream::LONG)]
     stream_above: usize,
+    /// Estimate the values anew from the whole of each recording once they have been judged on the last 30 %. The report
+    /// shows the judged ones
+    #[arg(long)]
+    whole: bool,
     #[command(flatten)]
     how: MethodArgs,
     #[command(flatten)]
@@ -71,6 +77,9 @@ struct Identification {
     #[serde(skip_serializing_if = "Option::is_none")]
     minimisation: Option<Minimisation>,
     parameters: Estimates,
+    /// Whether the parameters are those of the whole recordings, where the fit is that of values from the training part.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    whole: bool,
     fit: Fit,
     half_width: Vec<f64>,
     rows: usize,
@@ -93,6 +102,8 @@ struct Choice {
 /// What was identified, and what a report shows of it.
 struct Found {
     identified: Identified,
+    /// The model with values from the whole recordings, where it was asked for.
+    whole: Option<Model>,
     bench: Workbench,
     shown: Vec<Recording>,
     rows: usize,
@@ -116,6 +127,11 @@ impl Command {
         if self.how.curve {
             let outputs = (self.model_out.as_ref(), self.json.as_ref());
             self.how.check_curve(self.report.is_some())?;
+            if self.whole {
+                return Err(Error::Usage(
+                    "--whole belongs to fits of motion; a curve is fitted to all of its points already".to_owned(),
+                ));
+            }
             return curve::run(&self.recordings, &self.model, outputs, &self.how);
         }
         let begun = Instant::now();
@@ -127,12 +143,14 @@ impl Command {
         let found = self
             .found(input, &model, &progress)
             .map_err(|e| named(e, &self.recordings, &self.model))?;
+        let told = found.whole.as_ref().unwrap_or(&found.identified.model);
         let identification = Identification {
             schema: "bristle.identification/1",
             method: self.how.method,
             minimisation: found.minimisation,
             warnings: check::warnings(&found.bench, &found.identified.model, &found.shown),
-            parameters: estimates(&found.identified.model, None),
+            parameters: estimates(told, None),
+            whole: self.whole,
             fit: found.identified.fit,
             half_width: found.bench.problem.half_widths().collect(),
             rows: found.rows,
@@ -145,9 +163,7 @@ impl Command {
             },
         };
         let mut outputs = Outputs::default();
-        outputs.add(self.model_out.as_ref(), || {
-            Ok(found.identified.model.to_toml())
-        })?;
+        outputs.add(self.model_out.as_ref(), || Ok(told.to_toml()))?;
         outputs.add(self.json.as_ref(), || json(&identification))?;
         outputs.add(self.report.as_ref(), || {
             report::identification(
@@ -166,6 +182,9 @@ impl Command {
             found.identified.model.causality,
             &identification.windows.reason,
         );
+        if self.whole {
+            terminal::from_whole();
+        }
         if let Some(minimisation) = &identification.minimisation {
             terminal::minimisation(&minimisation.outcome, &minimisation.fit_at_start);
         }
@@ -174,18 +193,21 @@ impl Command {
         Ok(DONE)
     }
 
-    fn found(&self, input: Input, model: &Model, progress: &Meter) -> crate::error::Result<Found> {
+    fn found(&self, input: Input, model: &Model, progress: &Meter) -> Result<Found> {
         let options = self.windows.options()?;
         match input {
             Input::Memory(recordings) => {
-                progress.say("identifying");
-                let (bench, found) = identify(&recordings, model, options)?;
-                progress.say("taking off what sensors and smoothing do");
-                let mut identified = bench.unbiased(found, &recordings)?;
-                let given = (model, &recordings[..]);
-                let minimisation = self.how.refine(&mut identified, &bench, given, progress)?;
+                let bench = Workbench::new(&recordings, model, options)?;
+                let (identified, minimisation) =
+                    self.identified(&bench, model, &recordings, progress)?;
+                let whole = self.whole.then(|| {
+                    let bench = bench.on_whole(model, options)?;
+                    let (all, _) = self.identified(&bench, model, &recordings, progress)?;
+                    Ok::<_, Error>(all.model)
+                });
                 Ok(Found {
                     identified,
+                    whole: whole.transpose()?,
                     rows: bench.problem.rows.len(),
                     bench,
                     shown: recordings,
@@ -194,11 +216,12 @@ impl Command {
                 })
             }
             Input::Files(files) => {
-                self.how.check_long()?;
+                self.how.check_long(self.whole)?;
                 let streamed =
                     stream::identify(&files, model, options, &|done| progress.follow(done))?;
                 Ok(Found {
                     identified: streamed.identified,
+                    whole: None,
                     rows: streamed.rows,
                     bench: streamed.pilot,
                     shown: streamed.stretches,
@@ -207,5 +230,22 @@ impl Command {
                 })
             }
         }
+    }
+
+    /// By the chosen method, from the training part of a workbench.
+    fn identified(
+        &self,
+        bench: &Workbench,
+        model: &Model,
+        recordings: &[Recording],
+        progress: &Meter,
+    ) -> Result<(Identified, Option<Minimisation>)> {
+        progress.say("identifying");
+        let found = bench.fit(model, recordings)?;
+        progress.say("taking off what sensors and smoothing do");
+        let mut identified = bench.unbiased(found, recordings)?;
+        let given = (model, recordings);
+        let minimisation = self.how.refine(&mut identified, bench, given, progress)?;
+        Ok((identified, minimisation))
     }
 }

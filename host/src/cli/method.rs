@@ -111,13 +111,17 @@ impl MethodArgs {
     }
 
     /// Refuses what would need a whole long recording in memory.
-    pub fn check_long(&self) -> Result<()> {
-        if self.method == Method::Dbi {
+    pub fn check_long(&self, whole: bool) -> Result<()> {
+        let what = if self.method != Method::Dbi {
+            "only --method dbi does"
+        } else if whole {
+            "--whole does not"
+        } else {
             return Ok(());
-        }
-        Err(Error::Usage(
-            "the recordings are read piece by piece, which only --method dbi does; cut a stretch out of them, or raise --stream-above to load them whole".to_owned(),
-        ))
+        };
+        Err(Error::Usage(format!(
+            "the recordings are read piece by piece, which {what}; cut a stretch out of them, or raise --stream-above to load them whole"
+        )))
     }
 
     /// Most iterations.

@@ -103,6 +103,13 @@ pub(super) fn throughput(samples: usize, per_second: f64) {
     anstream::println!("{DIM}{samples} samples, {number:.2} {unit} a second{DIM:#}");
 }
 
+/// Which part of the recordings values and errors are of.
+pub(super) fn from_whole() {
+    anstream::println!(
+        "The values are from the whole recordings; the errors are those of values from the first 70 % alone."
+    );
+}
+
 /// One line on the error stream.
 pub(super) fn error(error: &Error) {
     let red = colour(AnsiColor::Red);

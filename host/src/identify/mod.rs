@@ -227,6 +227,16 @@ impl Workbench {
         })
     }
 
+    /// The same with nothing held out.
+    pub fn on_whole(&self, model: &Model, options: Options) -> Result<Self> {
+        let tracks = self.problem.tracks.iter().cloned();
+        let tracks: Vec<Track> = tracks.map(Track::trained_on_whole).collect();
+        Ok(Self {
+            balance: self.balance,
+            ..Self::on(&tracks, model, options)?
+        })
+    }
+
     /// The same without windows over reversals that the encoder does not resolve. `None` if it resolves them all, or if too little
     /// is left without them.
     pub fn resolved(&self, model: &Model) -> Option<Self> {

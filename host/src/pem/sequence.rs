@@ -7,7 +7,7 @@ use crate::fit;
 use crate::recording::Recording;
 use crate::simulate::State;
 use crate::step::Memory;
-use crate::weak::{TRAIN_SHARE, Track};
+use crate::weak::Track;
 
 /// A pause between samples longer than this many intervals is a gap that nothing is predicted across.
 const GAP: f64 = 5.0;
@@ -38,7 +38,7 @@ pub struct Sequence<'a> {
 impl<'a> Sequence<'a> {
     /// The training part of a recording, restarted every `horizon` seconds and after gaps.
     pub fn new(recording: &'a Recording, track: &'a Track, horizon: f64) -> Self {
-        let count = (TRAIN_SHARE * recording.len() as f64) as usize;
+        let count = (track.training_share() * recording.len() as f64) as usize;
         let positions = recording.q.is_some();
         let readings = &recording.measured()[..count];
         let power = track.v.iter().map(|v| v * v).sum::<f64>() / track.v.len() as f64;

@@ -9,7 +9,6 @@ use crate::phasor;
 use crate::problem::Row;
 use crate::projection::Projection;
 use crate::spectrum::Circle;
-use crate::weak::TRAIN_SHARE;
 
 /// Frequencies up to this number over the half-width pass the test functions with a tenth of their amplitude.
 const PASSED: f64 = 0.8;
@@ -45,7 +44,7 @@ impl Ground<'_> {
     /// Frequencies half a resolution cell apart, in Hz, from where a line is no drift and is sought at all, up to where the
     /// windows pass little.
     pub fn frequencies(&self) -> Vec<f64> {
-        let seen = TRAIN_SHARE * self.survey.duration;
+        let seen = self.training();
         let step = 0.5 / seen.max(f64::MIN_POSITIVE);
         let most = (PASSED / self.survey.half_width / step) as usize;
         let least = (2 * SLOWEST_LINE).max((self.setting.slowest / step).ceil() as usize);

@@ -17,7 +17,7 @@ use crate::noise::Noise;
 use crate::problem::{Column, Problem};
 use crate::projection::Projection;
 use crate::system::{self, System};
-use crate::weak::{Part, TRAIN_SHARE};
+use crate::weak::Part;
 pub use interval::tell_later_ends;
 pub use memo::Memo;
 
@@ -412,7 +412,7 @@ impl<'a> Ground<'a> {
 
     /// Length of the training part, s.
     pub fn training(&self) -> f64 {
-        TRAIN_SHARE * self.survey.duration
+        self.setting.problem.training_share() * self.survey.duration
     }
 
     /// Share of the input that a gap keeps from the load, if a term is one: see [`system::lost`].

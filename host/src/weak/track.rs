@@ -253,6 +253,24 @@ impl Track {
         }
     }
 
+    /// The same track with nothing held out.
+    #[must_use]
+    pub fn trained_on_whole(self) -> Self {
+        Self {
+            boundary: self.whole,
+            ..self
+        }
+    }
+
+    /// The share of its recording that is for training.
+    pub fn training_share(&self) -> f64 {
+        if self.boundary == self.whole {
+            1.0
+        } else {
+            TRAIN_SHARE
+        }
+    }
+
     /// Mean over every cell of the input that reaches the axis by a path.
     pub fn input(&self, path: &Path) -> Vec<f64> {
         self.input_of(self.q.len() - 1, path)
