@@ -30,13 +30,11 @@ pub fn filter(
     chart: &Chart,
     sequences: &[Sequence],
     at: &DVector<f64>,
-    share: f64,
+    weighing: Weighing,
 ) -> Result<Vec<Pass>> {
     let family = chart.family(at, false)?;
     let passes = sequences.iter();
-    Ok(passes
-        .map(|s| pass(s, &family, Weighing::Filter(share)))
-        .collect())
+    Ok(passes.map(|s| pass(s, &family, weighing)).collect())
 }
 
 /// Number of readings in some passes.
@@ -129,6 +127,7 @@ mod tests {
     use crate::axis::Axis;
     use crate::model::Model;
     use crate::pem::chart::Chart;
+    use crate::pem::predictor::Weighing;
     use crate::pem::sequence::Sequence;
     use crate::recording::Recording;
     use crate::simulate::{State, run_axis};
@@ -167,7 +166,7 @@ mod tests {
         assert_eq!(chart.count(), 7);
         let sequences = [Sequence::new(&recording, &track, f64::INFINITY)];
         let at = chart.origin();
-        let passes = filter(&chart, &sequences, &at, 5.0).unwrap();
+        let passes = filter(&chart, &sequences, &at, Weighing::Filter(5.0)).unwrap();
         let objective = Objective::new(&chart, &sequences, &passes);
         let (_, jacobian) = objective.linearised(&at).unwrap();
         for k in 0..7 {

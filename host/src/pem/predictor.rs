@@ -25,6 +25,8 @@ pub enum Weighing<'a> {
     /// By an extended Kalman filter, under white torque noise that adds this many N·m or N over a sample, as a share
     /// of the noise of a single reading.
     Filter(f64),
+    /// Not at all: the axis runs freely from the measured states.
+    Free,
     /// As a filter did before, sample by sample.
     Given(&'a [Gain]),
 }
@@ -51,6 +53,8 @@ pub struct Pass {
     pub samples: Vec<usize>,
     /// What each residual counts for: a reading that repeats is one reading.
     pub counts: Vec<f64>,
+    /// Sum of the variances that sensors and torque noise give the innovations, in units of a single reading's noise.
+    pub expected: f64,
 }
 
 impl Pass {
@@ -149,8 +153,8 @@ pub fn pass(sequence: &Sequence, family: &Family, weighing: Weighing) -> Pass {
         let mut now = from;
         let next = now.step(axis, &x, 0.0);
         hold = now.hold;
-        let filters = matches!(weighing, Weighing::Filter(_));
-        let transition = if filters || !slopes.is_empty() {
+        let known = matches!(weighing, Weighing::Given(_));
+        let transition = if !known || !slopes.is_empty() {
             from.transition(family, &x, &next)
         } else {
             Matrix3::zeros()
@@ -176,7 +180,16 @@ pub fn pass(sequence: &Sequence, family: &Family, weighing: Weighing) -> Pass {
                 spread = transition * spread * transition.transpose() + noise * noise.transpose();
                 let (gain, after) = weigh(sequence, k, &spread);
                 spread = after;
+                pass.expected += gain.variance;
                 gain
+            }
+            Weighing::Free => {
+                spread = transition * spread * transition.transpose();
+                pass.expected += weigh(sequence, k, &spread).0.variance;
+                Gain {
+                    correction: Vector3::zeros(),
+                    variance: sequence.repeats[k],
+                }
             }
         };
         let error = sequence.readings[k] - (sequence.sees * next)[0];

@@ -13,7 +13,7 @@ use nalgebra::DVector;
 
 use super::chart::Chart;
 use super::objective::{deviance, filter};
-use super::predictor::Pass;
+use super::predictor::{Pass, Weighing};
 use super::sequence::Sequence;
 use crate::error::{Error, Result};
 use crate::model::Model;
@@ -24,6 +24,17 @@ use crate::model::Model;
 const BAND: (f64, f64) = (0.05, 7.0);
 /// Relative precision of the tracking index: the likelihood is flat around its maximum.
 const PRECISION: f64 = 0.3;
+/// What corrects predictions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Correction {
+    /// Each reading, under the likeliest torque noise.
+    Readings,
+    /// Each reading of a window, as far as the state at its start is uncertain.
+    Starts,
+    /// Nothing: free runs from measured states.
+    Nothing,
+}
+
 /// The search for the share of torque noise.
 pub struct Share<'a> {
     chart: &'a Chart,
@@ -32,7 +43,8 @@ pub struct Share<'a> {
     unit: f64,
     /// Integrations between torque and reading, so that the tracking index is `(2π·f·T)` to this power.
     order: i32,
-    fixed: bool,
+    /// What corrects predictions.
+    pub correction: Correction,
     /// The share found last.
     pub value: f64,
     /// Passes over all recordings so far.
@@ -40,12 +52,12 @@ pub struct Share<'a> {
 }
 
 impl<'a> Share<'a> {
-    /// Nothing found yet; `fixed` at zero for the output error.
+    /// Nothing found yet.
     pub fn new(
         chart: &'a Chart,
         sequences: &'a [Sequence<'a>],
         model: &Model,
-        fixed: bool,
+        correction: Correction,
     ) -> Self {
         let period = sequences[0].period;
         let inertia = model.inertia.value.unwrap_or(1.0);
@@ -55,15 +67,15 @@ impl<'a> Share<'a> {
             sequences,
             unit: inertia / period.powi(order),
             order,
-            fixed,
+            correction,
             value: 0.0,
             evaluations: 0,
         }
     }
 
-    /// The filter with the most likely share of torque noise.
+    /// Predictions, with the most likely share of torque noise where that corrects them.
     pub fn filter(&mut self, at: &DVector<f64>) -> Result<Vec<Pass>> {
-        if !self.fixed {
+        if self.correction == Correction::Readings {
             let index = |f: f64| f64::from(self.order) * (TAU * f * self.sequences[0].period).ln();
             let (mut low, mut high) = (index(BAND.0), index(BAND.1));
             if self.value > 0.0 {
@@ -87,7 +99,11 @@ impl<'a> Share<'a> {
             self.value = index.exp() * self.unit;
         }
         self.evaluations += 1;
-        filter(self.chart, self.sequences, at, self.value)
+        let weighing = match self.correction {
+            Correction::Nothing => Weighing::Free,
+            Correction::Readings | Correction::Starts => Weighing::Filter(self.value),
+        };
+        filter(self.chart, self.sequences, at, weighing)
     }
 }
 
@@ -107,7 +123,7 @@ impl CostFunction for &Likelihood<'_, '_> {
             self.share.chart,
             self.share.sequences,
             self.at,
-            share,
+            Weighing::Filter(share),
         )?))
     }
 }
