@@ -122,6 +122,31 @@ fn what_a_recording_does_not_tell_is_said_so() {
     assert_ne!(status("stribeck_velocity"), Status::Identified);
 }
 
+/// Beside what dwarfs acceleration an inertia may come out negative. As long as it might be positive, that is no reason to refuse
+/// the recording.
+#[test]
+fn an_inertia_too_small_to_tell_is_taken() {
+    for (seed, two) in [
+        (
+            20_261_202_500_003,
+            ["power-law-viscous", "periodic-disturbance"],
+        ),
+        (
+            20_261_202_500_021,
+            ["load-dependent-friction", "sensor-eccentricity"],
+        ),
+    ] {
+        let recipe = Recipe::with_effects(seed, &two, 0.3, Noise::Medium);
+        let made = simulate(&recipe).expect("an axis that moves");
+        let model = Model::parse(&baseline_toml(&recipe, &made.truth)).expect("a valid baseline");
+        let recording = [recording(made.t, made.u, made.q)];
+        let (_, fitted) = identify(&recording, &model, Options::default()).expect("identifies");
+        let inertia = fitted.model.inertia;
+        assert!(inertia.value.is_some_and(|j| j > 0.0), "{inertia:?}");
+        assert_eq!(inertia.status, Status::NotExcited, "{inertia:?}");
+    }
+}
+
 #[test]
 fn effects_are_named_and_measured() {
     let mut wrong = Vec::new();

@@ -408,6 +408,7 @@ impl Workbench {
         *model.parameters_mut().swap_remove(moving) = Parameter {
             value: Some(inertia),
             se: Some(f64::INFINITY),
+            status: Status::NotExcited,
             ..bounds
         };
         Ok((model, chi2))

@@ -66,7 +66,9 @@ pub(super) fn choose_response(
     let least = positive(full.1)
         .or(positive(by_both_sides(&position)?.1))
         .or(positive(plain.1))
-        .or(positive(full.0));
+        .or(positive(full.0))
+        .or(full.1.and_then(Told::small))
+        .or(plain.1.and_then(Told::small));
     let most = positive(full.0);
     let inertias = least.map(|least| Inertias {
         least: least.least,
@@ -95,6 +97,16 @@ struct Told {
 }
 
 impl Told {
+    /// An inertia that is too small to tell: one that came out negative by no more than it may err by lies between nothing and the
+    /// most that it may be, of which half is taken. `None` if it is negative for certain.
+    fn small(self) -> Option<Self> {
+        (self.most > 0.0).then_some(Self {
+            value: 0.5 * self.most,
+            least: f64::MIN_POSITIVE,
+            ..self
+        })
+    }
+
     /// By the coefficient of the acceleration, or of the drive, with what it may err by.
     fn new(response: Response, coefficient: f64, error: f64) -> Self {
         let (low, high) = (coefficient - error, coefficient + error);
