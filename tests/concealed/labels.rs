@@ -91,14 +91,15 @@ fn digest(text: &str) -> String {
     hex
 }
 
-/// Draws cases and writes them with their digest.
+/// Draws cases, adds them to those that are there and writes the digest of all.
 pub fn seal(count: usize) -> Result<(), String> {
+    let before = open()?;
     let seed = OsRng.try_next_u64().map_err(|e| e.to_string())?;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut labels: Vec<Label> = (0..count).map(|k| draw(&mut rng, k)).collect();
-    // Any first part is a fair sample of all.
+    // Any first part is a fair sample of those that are drawn together.
     labels.shuffle(&mut rng);
-    let lines: Vec<String> = labels.iter().map(Label::line).collect();
+    let lines: Vec<String> = before.iter().chain(&labels).map(Label::line).collect();
     let text = format!("{HEADER}\n{}\n", lines.join("\n"));
     let write = |name: &str, text: &str| {
         fs::write(folder().join(name), text).map_err(|e| format!("{name}: {e}"))

@@ -3,8 +3,8 @@
 //! `cargo run --release --example concealed [-- --skip N --first N]` makes the recordings that `labels.csv` describes, lets the
 //! diagnosis see nothing of each but the recording and a baseline, and only then opens the labels and prints what it got
 //! right; `--dump FOLDER` keeps each recording with its baseline, and all answers in `answers.csv`, to look at. The file's SHA-256 must be the one in
-//! `labels.sha256`, which was committed before the first run. `-- --seal N` draws N new cases from the operating system's
-//! randomness and writes both files.
+//! `labels.sha256`, which was committed before the first run. `-- --seal N` draws N more cases from the operating system's
+//! randomness, which come after those that are there, and writes both files.
 //!
 //! The plants of `tests/plants` share no code with the diagnosis: other formulation, other integrator, finer step.
 
