@@ -227,7 +227,7 @@ impl Workbench {
         })
     }
 
-    /// The same with nothing held out.
+    /// The same tracks with nothing held out, under windows and noise of their own.
     pub fn on_whole(&self, model: &Model, options: Options) -> Result<Self> {
         let tracks = self.problem.tracks.iter().cloned();
         let tracks: Vec<Track> = tracks.map(Track::trained_on_whole).collect();
