@@ -41,6 +41,15 @@ fn bench(model: &str) -> Option<Folder> {
     Some(folder)
 }
 
+/// What `identify` writes of a model with further options.
+fn identified(model: &str, options: &str) -> Option<Value> {
+    let folder = bench(model)?;
+    folder.done(&format!(
+        "identify emps.csv --model emps.toml --json out.json {options}"
+    ));
+    Some(folder.json("out.json"))
+}
+
 /// Value and standard error of a parameter.
 fn estimate(parameters: &Value, name: &str) -> (f64, f64) {
     let get = |key: &str| {
@@ -63,11 +72,9 @@ fn agrees(what: &str, (value, se): (f64, f64), published: f64) {
 /// Fitted to a rig with asymmetric friction, the symmetric model lies between its two directions.
 #[test]
 fn the_symmetric_fit_lies_between_the_directions() {
-    let Some(folder) = bench(SYMMETRIC) else {
+    let Some(json) = identified(SYMMETRIC, "") else {
         return;
     };
-    folder.done("identify emps.csv --model emps.toml --json out.json");
-    let json = folder.json("out.json");
     let viscous = estimate(&json["parameters"], "viscous").0;
     assert!((166.7..240.4).contains(&viscous), "{viscous}");
     // What the asymmetry does to the other parameters is of the size of its own share of the force, 4 %.
@@ -81,9 +88,9 @@ fn the_symmetric_fit_lies_between_the_directions() {
 #[test]
 fn the_asymmetric_fit_agrees_with_the_published_one() {
     let model = format!("{SYMMETRIC}\n[effects.viscous-asymmetry]\n");
-    let Some(folder) = bench(&model) else { return };
-    folder.done("identify emps.csv --model emps.toml --json out.json");
-    let json = folder.json("out.json");
+    let Some(json) = identified(&model, "") else {
+        return;
+    };
     let of = |name: &str| estimate(&json["parameters"], name);
     agrees("inertia", of("inertia"), 95.154);
     agrees("coulomb", of("coulomb"), 0.5 * (20.144 + 20.6277));
@@ -99,11 +106,9 @@ fn the_asymmetric_fit_agrees_with_the_published_one() {
 /// cent of theirs.
 #[test]
 fn the_whole_recording_gives_the_published_values() {
-    let Some(folder) = bench(&with_offset()) else {
+    let Some(json) = identified(&with_offset(), "--whole") else {
         return;
     };
-    folder.done("identify emps.csv --model emps.toml --whole --json out.json");
-    let json = folder.json("out.json");
     for (name, published) in [
         ("inertia", 95.1089),
         ("coulomb", 20.3935),
@@ -118,11 +123,9 @@ fn the_whole_recording_gives_the_published_values() {
 /// What errors of the model do to free runs is no noise of the states that these start from.
 #[test]
 fn the_output_error_is_minimised_beside_a_model_that_leaves_something_out() {
-    let Some(folder) = bench(&with_offset()) else {
+    let Some(json) = identified(&with_offset(), "--method pem --horizon 1") else {
         return;
     };
-    folder.done("identify emps.csv --model emps.toml --method pem --horizon 1 --json out.json");
-    let json = folder.json("out.json");
     for part in ["train", "held_out"] {
         let after = json["fit"][part]["nrmse"].as_f64().expect("an error");
         let start = &json["minimisation"]["fit_at_start"][part]["nrmse"];

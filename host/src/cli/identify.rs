@@ -126,12 +126,7 @@ impl Command {
         )?;
         if self.how.curve {
             let outputs = (self.model_out.as_ref(), self.json.as_ref());
-            self.how.check_curve(self.report.is_some())?;
-            if self.whole {
-                return Err(Error::Usage(
-                    "--whole belongs to fits of motion; a curve is fitted to all of its points already".to_owned(),
-                ));
-            }
+            self.how.check_curve(self.report.is_some(), self.whole)?;
             return curve::run(&self.recordings, &self.model, outputs, &self.how);
         }
         let begun = Instant::now();

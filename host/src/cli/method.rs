@@ -97,10 +97,15 @@ impl MethodArgs {
     }
 
     /// Refuses what a curve does not have.
-    pub fn check_curve(&self, report: bool) -> Result<()> {
+    pub fn check_curve(&self, report: bool, whole: bool) -> Result<()> {
         let refuse = |what: &str| Err(Error::Usage(what.to_owned()));
         if self.horizon.is_some() {
             return refuse("--horizon belongs to predictions of motion; leave it out with --curve");
+        }
+        if whole {
+            return refuse(
+                "--whole belongs to fits of motion; a curve is fitted to all of its points already",
+            );
         }
         if report {
             return refuse(
