@@ -59,7 +59,7 @@ pub(super) struct Command {
     #[arg(long, value_name = "SAMPLES", default_value_t = stream::LONG)]
     stream_above: usize,
     /// Estimate the values anew from the whole of each recording once they have been judged on the last 30 %. The report
-    /// shows the judged ones
+    /// shows both, and the plots and errors of the judged ones
     #[arg(long)]
     whole: bool,
     #[command(flatten)]
@@ -163,6 +163,7 @@ impl Command {
         outputs.add(self.report.as_ref(), || {
             report::identification(
                 &found.identified,
+                found.whole.as_ref(),
                 &identification.warnings,
                 &found.bench,
                 &found.shown,

@@ -67,7 +67,7 @@ pub(super) fn diagnosis(
             friction::section(&subject, &rows)?,
             findings::section(diagnosis, &spreads.held_out),
             findings::next_experiment(&subject, diagnosis, next),
-            parameters(&subject),
+            parameters(&subject, None),
             errors(&subject, &spreads),
             method(&subject),
         ],
@@ -77,6 +77,7 @@ pub(super) fn diagnosis(
 /// The page of an identification.
 pub(super) fn identification(
     identified: &Identified,
+    whole: Option<&Model>,
     warnings: &[Warning],
     bench: &Workbench,
     recordings: &[Recording],
@@ -101,7 +102,7 @@ pub(super) fn identification(
         figures: figures(&subject, &spreads),
         figures_note: figures_note(&subject, &predictions),
         sections: vec![
-            parameters(&subject),
+            parameters(&subject, whole),
             runs::section(&subject, &predictions)?,
             rows::section(
                 &subject,

@@ -33,6 +33,7 @@ use crate::diagnose::Outcome;
 use crate::error::{Error, Result};
 use crate::experiment::NextExperiment;
 use crate::identify::{Identified, Workbench};
+use crate::model::Model;
 use crate::recording::Recording;
 use crate::trials::{Campaign, OnBoard};
 use page::Page;
@@ -47,15 +48,17 @@ pub fn diagnosis(
     render(&data::diagnosis(outcome, next, bench, recordings)?)
 }
 
-/// The HTML text of an identification. Fails only if a model has no values, or on a defect.
+/// The HTML text of an identification, with the parameters of a model from the whole recordings if there is one. Fails only if a
+/// model has no values, or on a defect.
 pub fn identification(
     identified: &Identified,
+    whole: Option<&Model>,
     warnings: &[Warning],
     bench: &Workbench,
     recordings: &[Recording],
 ) -> Result<String> {
     render(&data::identification(
-        identified, warnings, bench, recordings,
+        identified, whole, warnings, bench, recordings,
     )?)
 }
 

@@ -7,8 +7,8 @@ use crate::diagnose::{self, Estimate};
 use crate::format::{self, percent, scaled_unit, value, with_unit};
 use crate::model::Model;
 
-/// All parameters, baseline beside final model.
-pub(super) fn parameters(subject: &Subject) -> Section {
+/// All parameters, baseline beside final model, and those of a model from the whole recordings if there is one.
+pub(super) fn parameters(subject: &Subject, whole: Option<&Model>) -> Section {
     let cells = |model: &Model| -> Vec<(String, String)> {
         let labels = model.labels().into_iter().zip(model.parameters());
         labels
@@ -19,22 +19,31 @@ pub(super) fn parameters(subject: &Subject) -> Section {
             .collect()
     };
     let before = subject.before.map(|b| cells(b.model));
+    let all = whole.map(cells);
     let rows = cells(subject.after.model).into_iter().map(|(name, value)| {
-        let old = before.as_ref().map(|before| {
-            let same = before.iter().find(|(n, _)| *n == name);
+        let other = |cells: &Vec<(String, String)>| {
+            let same = cells.iter().find(|(n, _)| *n == name);
             same.map_or("–", |(_, v)| v).to_owned()
-        });
-        [Some(name), old, Some(value)]
+        };
+        let (old, all) = (before.as_ref().map(other), all.as_ref().map(other));
+        [Some(name), old, Some(value), all]
             .into_iter()
             .flatten()
             .collect()
     });
+    let mut columns = columns(subject, "Parameter", "Value");
+    let mut items = Vec::new();
+    if whole.is_some() {
+        columns.push("From the whole recordings".to_owned());
+        items.push(Item::text(
+            "The model file has the values from the whole recordings. The plots and errors on this page are those of the values from the training part, which the rest of the recordings can judge.",
+        ));
+    }
+    let rows = rows.collect();
+    items.push(Item::Table(Table { columns, rows }));
     Section {
         title: "Parameters".to_owned(),
-        items: vec![Item::Table(Table {
-            columns: columns(subject, "Parameter", "Value"),
-            rows: rows.collect(),
-        })],
+        items,
     }
 }
 

@@ -234,7 +234,7 @@ fn an_identification_shows_its_parameters_with_errors() {
         Options::default(),
     )
     .unwrap();
-    let page = identification(&identified, &[], &bench, &recordings).unwrap();
+    let page = identification(&identified, None, &[], &bench, &recordings).unwrap();
     assert_self_contained(&page);
     let data = data(&page);
     let rows = &data["sections"][0]["items"][0]["rows"];
@@ -274,6 +274,23 @@ fn an_identification_shows_its_parameters_with_errors() {
 }
 
 #[test]
+fn values_from_the_whole_recordings_stand_beside_those_that_were_judged() {
+    let recordings = [recording()];
+    let asked = model("coulomb = \"?\"\nviscous = \"?\"\n");
+    let (bench, identified) = identify(&recordings, &asked, Options::default()).unwrap();
+    let all = bench.on_whole(&asked, Options::default()).unwrap();
+    let all = all.fit(&asked, &recordings).unwrap().model;
+    let page = identification(&identified, Some(&all), &[], &bench, &recordings).unwrap();
+    let table = &data(&page)["sections"][0]["items"][1];
+    let columns = ["Parameter", "Value", "From the whole recordings"];
+    assert_eq!(table["columns"], serde_json::json!(columns));
+    for row in table["rows"].as_array().unwrap() {
+        assert_eq!(row.as_array().unwrap().len(), columns.len(), "{row}");
+        assert_eq!(row[1] == row[2], row[0] == "gain", "{row}");
+    }
+}
+
+#[test]
 fn a_recording_of_velocity_alone_is_shown_as_velocity() {
     let mut recording = recording();
     let q = recording.q.take().unwrap();
@@ -289,7 +306,7 @@ fn a_recording_of_velocity_alone_is_shown_as_velocity() {
         Options::default(),
     )
     .unwrap();
-    let data = data(&identification(&identified, &[], &bench, &recordings).unwrap());
+    let data = data(&identification(&identified, None, &[], &bench, &recordings).unwrap());
     let plots = assert_sound(&data);
     assert_eq!(plot_titles(&plots)[0], "Velocity, restarted every 1 s");
     assert!(plots[0]["y_label"].as_str().unwrap().ends_with("rad/s]"));
@@ -301,7 +318,7 @@ fn an_inverse_recording_is_shown_by_its_force() {
     let mut model = model("coulomb = \"?\"\nviscous = \"?\"\n");
     model.causality = Causality::Inverse;
     let (bench, identified) = identify(&recordings, &model, Options::default()).unwrap();
-    let data = data(&identification(&identified, &[], &bench, &recordings).unwrap());
+    let data = data(&identification(&identified, None, &[], &bench, &recordings).unwrap());
     let plots = assert_sound(&data);
     let titles = plot_titles(&plots);
     assert_eq!(titles[0], "Torque u along the measured motion");
@@ -317,7 +334,7 @@ fn two_recordings_have_plots_of_their_own() {
         Options::default(),
     )
     .unwrap();
-    let data = data(&identification(&identified, &[], &bench, &recordings).unwrap());
+    let data = data(&identification(&identified, None, &[], &bench, &recordings).unwrap());
     let plots = assert_sound(&data);
     let runs = plot_titles(&plots).into_iter();
     assert_eq!(
