@@ -1,24 +1,63 @@
 //! Validation on freshly seeded plants: false alarms on clean axes and the confusion matrix of the effects.
 //!
-//! `cargo run --release --example validate -- --seed 1 --clean 200 --each 12` prints the rates; `--pairs 50` adds axes with
-//! two effects; with `--velocity 1` the recordings hold differenced velocity in place of position, and `--dump FOLDER` keeps
-//! each plant's recording and baseline to look at. The plants of `tests/plants` share no code with the diagnosis: other
-//! formulation, other integrator, finer step.
+//! `cargo run --release --example validate -- --seed 1 --clean 200 --each 12` prints the rates; `--help` lists the options. The
+//! plants of `tests/plants` share no code with the diagnosis: other formulation, other integrator, finer step.
 
 mod plants;
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use bristle::diagnose::{Verdict, diagnose};
-use bristle::identify::{Options, identify};
+use bristle::identify::{self, identify};
 use bristle::model::Model;
 use bristle::recording::Recording;
+use clap::Parser;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use plants::{NAMED, Noise, OTHERS, Recipe, baseline_toml, keep, pair, simulate};
+
+/// Diagnose freshly simulated plants and print how often the verdicts are right
+#[derive(Parser)]
+struct Options {
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Plants that are their baseline
+    #[arg(long, value_name = "N", default_value_t = 200)]
+    clean: u64,
+    /// Plants with each effect of the catalogue
+    #[arg(long, value_name = "N", default_value_t = 12)]
+    each: u64,
+    /// Plants with each effect outside the catalogue
+    #[arg(long, value_name = "N", default_value_t = 6)]
+    others: u64,
+    /// Plants with two effects
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pairs: u64,
+    /// Those whose first effect is this one, or "clean"
+    #[arg(long, value_name = "EFFECT")]
+    only: Option<String>,
+    /// The one whose own seed is this
+    #[arg(long, value_name = "SEED")]
+    at: Option<u64>,
+    /// Length of the recordings, s [default: drawn]
+    #[arg(long)]
+    seconds: Option<f64>,
+    /// Sampling rate, Hz [default: drawn]
+    #[arg(long)]
+    rate: Option<f64>,
+    /// Record differenced velocity in place of position
+    #[arg(long)]
+    velocity: bool,
+    /// Keep each recording and its baseline
+    #[arg(long, value_name = "FOLDER")]
+    dump: Option<PathBuf>,
+    /// Print a line for each plant
+    #[arg(long)]
+    verbose: bool,
+}
 
 /// One plant and what became of it.
 struct Trial {
@@ -35,42 +74,11 @@ struct Trial {
 }
 
 fn main() {
-    let options: BTreeMap<String, String> = std::env::args()
-        .skip(1)
-        .collect::<Vec<_>>()
-        .chunks(2)
-        .map(|pair| {
-            (
-                pair[0].trim_start_matches("--").to_owned(),
-                pair.get(1).cloned().unwrap_or_default(),
-            )
-        })
-        .collect();
-    let number = |name: &str, otherwise: u64| {
-        options
-            .get(name)
-            .and_then(|v| v.parse().ok())
-            .unwrap_or(otherwise)
-    };
-    let recipes = recipes(
-        number("seed", 1),
-        number("clean", 200),
-        number("each", 12),
-        number("others", 6),
-        number("pairs", 0),
-        options.get("only"),
-        options.get("at").and_then(|v| v.parse().ok()),
-    );
-    let mut recipes = recipes;
-    for recipe in &mut recipes {
-        let option = |name: &str| options.get(name).and_then(|v| v.parse().ok());
-        recipe.duration = option("seconds").unwrap_or(recipe.duration);
-        recipe.rate = option("rate").unwrap_or(recipe.rate);
-    }
+    let options = Options::parse();
+    let recipes = recipes(&options);
     println!("{} plants", recipes.len());
-    let velocity = options.contains_key("velocity");
-    let trials = run(&recipes, velocity, options.get("dump").map(Path::new));
-    if options.contains_key("verbose") {
+    let trials = run(&recipes, &options);
+    if options.verbose {
         trials.iter().for_each(|t| println!("{}", t.line));
     }
     clean_table(&trials);
@@ -81,22 +89,17 @@ fn main() {
     pairs_table(&trials);
 }
 
-fn recipes(
-    seed: u64,
-    clean: u64,
-    each: u64,
-    others: u64,
-    pairs: u64,
-    only: Option<&String>,
-    at: Option<u64>,
-) -> Vec<Recipe> {
+fn recipes(options: &Options) -> Vec<Recipe> {
     let noises = [Noise::Low, Noise::Medium, Noise::High];
-    let base = seed * 1_000_000;
-    let mut recipes: Vec<Recipe> = (0..clean)
+    let base = options.seed * 1_000_000;
+    let mut recipes: Vec<Recipe> = (0..options.clean)
         .map(|k| Recipe::random(base + k, None, 0.0, noises[k as usize % 3]))
         .collect();
-    let first = NAMED.iter().map(|e| (*e, each));
-    for (e, (effect, count)) in first.chain(OTHERS.iter().map(|e| (*e, others))).enumerate() {
+    let first = NAMED.iter().map(|e| (*e, options.each));
+    for (e, (effect, count)) in first
+        .chain(OTHERS.iter().map(|e| (*e, options.others)))
+        .enumerate()
+    {
         for k in 0..count {
             let size = [0.03, 0.10, 0.30][k as usize % 3];
             let noise = noises[(k / 3) as usize % 3];
@@ -108,24 +111,30 @@ fn recipes(
             ));
         }
     }
-    for k in 0..pairs {
+    for k in 0..options.pairs {
         let seed = base + 500_000 + k;
         let effects = pair(&mut ChaCha8Rng::seed_from_u64(seed));
         let size = [0.10, 0.30][k as usize % 2];
         let noise = noises[(k / 2) as usize % 3];
         recipes.push(Recipe::with_effects(seed, &effects, size, noise));
     }
-    if let Some(at) = at {
+    if let Some(at) = options.at {
         recipes.retain(|r| r.seed == at);
     }
-    recipes.retain(|r| only.is_none_or(|o| r.effects.first().copied().unwrap_or("clean") == o));
+    if let Some(only) = &options.only {
+        recipes.retain(|r| r.effects.first().copied().unwrap_or("clean") == only);
+    }
+    for recipe in &mut recipes {
+        recipe.duration = options.seconds.unwrap_or(recipe.duration);
+        recipe.rate = options.rate.unwrap_or(recipe.rate);
+    }
     recipes
 }
 
-fn run(recipes: &[Recipe], velocity_only: bool, dump: Option<&Path>) -> Vec<Trial> {
+fn run(recipes: &[Recipe], options: &Options) -> Vec<Trial> {
     let attempts = recipes.par_iter();
     attempts
-        .filter_map(|recipe| attempt(recipe, velocity_only, dump))
+        .filter_map(|recipe| attempt(recipe, options.velocity, options.dump.as_deref()))
         .collect()
 }
 
@@ -156,7 +165,7 @@ fn attempt(recipe: &Recipe, velocity_only: bool, dump: Option<&Path>) -> Option<
     let (verdict, names, warned, more, errors) = match identify(
         &recording,
         &model,
-        Options::default(),
+        identify::Options::default(),
     )
     .and_then(|(bench, baseline)| {
         diagnose(&bench, &baseline, &recording, &|_| {}).map(|o| (bench, o))

@@ -6,22 +6,24 @@
 //! cargo run --release --example coverage -- --runs 500 --seed 1
 //! ```
 //!
-//! Options: `--law NAME` for one law, `--runs`, `--seed`, `--skip` as many runs of a seed, `--counts` a turn (16384), `--noise` as a share of the torque
-//! (0.02), `--experiment both|fast|slow`, `--method dbi|pem`, `--dump FILE.csv` for every error. Each axis is drawn afresh and driven twice for 24 s: by a multisine of torque,
-//! and slowly by a position controller through zero velocity, as Stribeck curves ask for.
+//! Each axis is drawn afresh and driven twice for 24 s: by a multisine of torque, and slowly by a position controller through
+//! zero velocity, as Stribeck curves ask for. `--help` lists the options.
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::io::Write as _;
+use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use clap::builder::PossibleValuesParser;
+use clap::{Parser, ValueEnum};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use bristle::bench::{self, Control, Sensors};
 use bristle::excite::{Excitation, Shape};
-use bristle::identify::{Options, identify};
+use bristle::identify::{self, identify};
 use bristle::model::Model;
 use bristle::pem::{self, Optimiser};
 use bristle::plant;
@@ -44,14 +46,46 @@ const BRISTLES: [&str; 4] = [
 const SECONDS: f64 = 24.0;
 const RATE: f64 = 1000.0;
 
-/// How the axes are measured.
-#[derive(Clone, Copy)]
-struct Set {
+/// How often the truth lies within the standard errors, on simulated axes
+#[derive(Parser)]
+struct Options {
+    /// One friction law instead of all
+    #[arg(long, value_parser = PossibleValuesParser::new(LAWS.map(|(law, _)| law)))]
+    law: Option<String>,
+    /// Axes under each law
+    #[arg(long, default_value_t = 100)]
+    runs: u64,
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Leave out this many axes of the seed from the beginning
+    #[arg(long, value_name = "RUNS", default_value_t = 0)]
+    skip: u64,
+    /// Counts of the encoder a turn
+    #[arg(long, default_value_t = 16384.0)]
     counts: f64,
+    /// RMS of the torque that is not recorded, as a share of the torque
+    #[arg(long, value_name = "SHARE", default_value_t = 0.02)]
     noise: f64,
-    fast: bool,
-    slow: bool,
-    pem: bool,
+    #[arg(long, value_enum, default_value_t = Experiment::Both)]
+    experiment: Experiment,
+    #[arg(long, value_enum, default_value_t = Method::Dbi)]
+    method: Method,
+    /// Write every estimate to a CSV file
+    #[arg(long, value_name = "FILE.csv")]
+    dump: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum Experiment {
+    Both,
+    Fast,
+    Slow,
+}
+
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum Method {
+    Dbi,
+    Pem,
 }
 
 /// One parameter of one axis.
@@ -78,28 +112,13 @@ impl Estimate {
 type Estimates = BTreeMap<String, Estimate>;
 
 fn main() -> std::io::Result<()> {
-    let words: Vec<String> = std::env::args().skip(1).collect();
-    let option = |name: &str| {
-        let at = words
-            .iter()
-            .position(|w| w.trim_start_matches("--") == name);
-        at.and_then(|at| words.get(at + 1))
-    };
-    let number = |name: &str, otherwise: f64| {
-        let given = option(name).and_then(|w| w.parse().ok());
-        given.unwrap_or(otherwise)
-    };
-    let experiment = option("experiment").map_or("both", String::as_str);
-    let set = Set {
-        counts: number("counts", 16384.0),
-        noise: number("noise", 0.02),
-        fast: experiment != "slow",
-        slow: experiment != "fast",
-        pem: option("method").is_some_and(|method| method == "pem"),
-    };
-    let runs = number("runs", 100.0) as u64;
-    let first = number("seed", 1.0) as u64 * 1_000_000 + number("skip", 0.0) as u64;
-    let dump = option("dump").map(std::fs::File::create).transpose()?;
+    let options = Options::parse();
+    let first = options.seed * 1_000_000 + options.skip;
+    let dump = options
+        .dump
+        .as_ref()
+        .map(std::fs::File::create)
+        .transpose()?;
     let mut dump = dump.map(std::io::BufWriter::new);
     if let Some(dump) = &mut dump {
         writeln!(dump, "law,seed,parameter,truth,value,se,unbiased")?;
@@ -108,10 +127,10 @@ fn main() -> std::io::Result<()> {
         "law              parameter           runs  median  median |error|  bias/se  scatter/se  within 1.96 se"
     );
     for (law, extra) in LAWS {
-        if option("law").is_some_and(|only| only != law) {
+        if options.law.as_ref().is_some_and(|only| only != law) {
             continue;
         }
-        let all = run(law, extra, first..first + runs, set);
+        let all = run(law, extra, first..first + options.runs, &options);
         for name in ["inertia", "coulomb", "viscous"].iter().chain(extra) {
             let of: Vec<(u64, Estimate)> = (all.iter())
                 .filter_map(|(seed, e)| Some((*seed, *e.get(*name)?)))
@@ -160,7 +179,12 @@ fn print_line(law: &str, name: &str, of: &[(u64, Estimate)]) {
     );
 }
 
-fn run(law: &str, extra: &[&str], seeds: std::ops::Range<u64>, set: Set) -> Vec<(u64, Estimates)> {
+fn run(
+    law: &str,
+    extra: &[&str],
+    seeds: std::ops::Range<u64>,
+    options: &Options,
+) -> Vec<(u64, Estimates)> {
     let next = AtomicU64::new(seeds.start);
     let all = Mutex::new(Vec::new());
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
@@ -172,7 +196,7 @@ fn run(law: &str, extra: &[&str], seeds: std::ops::Range<u64>, set: Set) -> Vec<
                     if seed >= seeds.end {
                         break;
                     }
-                    let errors = attempt(law, extra, seed, set);
+                    let errors = attempt(law, extra, seed, options);
                     match (errors, all.lock()) {
                         (Ok(errors), Ok(mut all)) => all.push((seed, errors)),
                         (Err(error), _) => eprintln!("{law}, seed {seed}: {error}"),
@@ -185,7 +209,12 @@ fn run(law: &str, extra: &[&str], seeds: std::ops::Range<u64>, set: Set) -> Vec<
     all.into_inner().unwrap_or_default()
 }
 
-fn attempt(law: &str, extra: &[&str], seed: u64, set: Set) -> bristle::error::Result<Estimates> {
+fn attempt(
+    law: &str,
+    extra: &[&str],
+    seed: u64,
+    options: &Options,
+) -> bristle::error::Result<Estimates> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut log_between = |low: f64, high: f64| low * (high / low).powf(rng.random());
     let inertia = log_between(1e-3, 3e-2);
@@ -226,27 +255,27 @@ fn attempt(law: &str, extra: &[&str], seed: u64, set: Set) -> bristle::error::Re
     let plant = parse(text(&|name| format!("{:e}", truth[name])))?;
     let asked = parse(text(&|_| "\"?\"".to_owned()))?;
     let sensors = |seed| Sensors {
-        count: TAU / set.counts,
-        load_noise: set.noise * torque,
+        count: TAU / options.counts,
+        load_noise: options.noise * torque,
         seed,
         ..Sensors::default()
     };
     let mut recordings = Vec::new();
-    if set.fast {
+    if options.experiment != Experiment::Slow {
         let signal = multisine(1.8 * torque, (0.1, hertz), seed);
         recordings.push(record(&plant, &signal, None, sensors(seed))?);
     }
-    if set.slow {
+    if options.experiment != Experiment::Fast {
         let amplitude = 1.5 * slow_speed / (TAU * slow_hertz);
         let signal = multisine(amplitude, (0.1, slow_hertz), seed + 1);
         let control = Control::of_bandwidth(6.0, 1.0 / inertia);
         recordings.push(record(&plant, &signal, Some(control), sensors(seed + 1))?);
     }
-    let (bench, found) = identify(&recordings, &asked, Options::default())?;
+    let (bench, found) = identify(&recordings, &asked, identify::Options::default())?;
     let weak = found.model.to_toml();
     let mut model = bench.unbiased(found, &recordings)?.model;
     let unbiased = model.to_toml() != weak;
-    if set.pem {
+    if options.method == Method::Pem {
         let options = pem::Options {
             optimiser: Optimiser::LevenbergMarquardt,
             horizon: None,

@@ -14,23 +14,34 @@ mod labels;
 mod plants;
 mod tables;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use clap::Parser;
+
+/// Diagnose recordings whose labels are sealed, then open the labels and print what was right
+#[derive(Parser)]
+struct Options {
+    /// Leave out this many from the beginning
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    skip: usize,
+    /// Take this many at most [default: all]
+    #[arg(long, value_name = "N")]
+    first: Option<usize>,
+    /// Keep each recording with its baseline, and all answers in answers.csv
+    #[arg(long, value_name = "FOLDER")]
+    dump: Option<PathBuf>,
+    /// Draw this many new cases instead, and add them to those that are there
+    #[arg(long, value_name = "N", conflicts_with_all = ["skip", "first", "dump"])]
+    seal: Option<usize>,
+}
+
 fn main() -> ExitCode {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let option = |name: &str| {
-        let at = arguments.iter().position(|a| a == name)?;
-        arguments.get(at + 1)
-    };
-    let number = |name: &str| -> Option<usize> { option(name)?.parse().ok() };
-    let done = match number("--seal") {
+    let options = Options::parse();
+    let first = options.first.unwrap_or(usize::MAX);
+    let done = match options.seal {
         Some(count) => labels::seal(count),
-        None => run(
-            number("--skip").unwrap_or(0),
-            number("--first").unwrap_or(usize::MAX),
-            option("--dump").map(Path::new),
-        ),
+        None => run(options.skip, first, options.dump.as_deref()),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
