@@ -4,7 +4,11 @@
 //! may do more than either by standing in for both. So every two are tried together: to begin with as linear columns at the
 //! inner parameters that each is best at alone, which costs next to nothing, and in earnest if that promises more than the
 //! selection has.
+//!
+//! What acts for a while only, or at some places only, may be sought in the wrong ones while the other is not in the model: so where
+//! the selection leaves something, the whole catalogue is tried beside the effects that do most alone, too.
 
+use super::leftover;
 use super::select::{self, FLOOR, LEAST_DELTA_BIC, Scope, Selected, Selection};
 use super::trial::{Base, Gain, Trial};
 use crate::effects;
@@ -25,7 +29,7 @@ const TURNS: usize = 6;
 pub(super) fn better(
     scope: &Scope,
     model: &Model,
-    alone: Vec<Trial>,
+    alone: &[Trial],
     (selected, current): (&[Selected], &Model),
     recordings: &[Recording],
 ) -> Result<Option<Selection>> {
@@ -39,7 +43,11 @@ pub(super) fn better(
     let criterion = than.score().chi2 + prices.sum::<f64>() - choice - LEAST_DELTA_BIC;
     let share = if selected.len() < 2 { FLOOR } else { 0.0 };
     let mut best: Option<(f64, [Trial; 2], Model)> = None;
-    for two in promising(&base, model, alone, selected, criterion)? {
+    let mut twos = promising(&base, model, alone, selected, criterion)?;
+    if leftover::of(bench, current)?.certain {
+        twos.extend(beside_the_likeliest(scope, model, &base, alone)?);
+    }
+    for two in twos {
         for (two, with) in fitted(bench, model, &two)? {
             let Some(together) = Base::new(bench, &with)? else {
                 continue;
@@ -84,26 +92,26 @@ fn fitted(bench: &Workbench, model: &Model, two: &[Trial; 2]) -> Result<Vec<([Tr
 fn promising(
     base: &Base,
     model: &Model,
-    alone: Vec<Trial>,
+    alone: &[Trial],
     selected: &[Selected],
     criterion: f64,
 ) -> Result<Vec<[Trial; 2]>> {
-    let mut candidates: Vec<(Trial, Vec<Vec<f64>>)> = Vec::new();
+    let mut candidates: Vec<(&Trial, Vec<Vec<f64>>)> = Vec::new();
     for trial in alone {
         let directions = base
             .ground
             .directions(&scan::open(trial.effect), trial.inner)?;
         candidates.extend(directions.map(|directions| (trial, directions)));
     }
-    let (trials, directions): (Vec<Trial>, Vec<_>) = candidates.into_iter().unzip();
+    let (trials, directions): (Vec<&Trial>, Vec<_>) = candidates.into_iter().unzip();
     let chosen =
         |trial: &Trial| (selected.iter()).any(|s| s.trial.effect.id() == trial.effect.id());
     let gains = base.ground.projection().gains_of_two(&directions);
     let mut pairs: Vec<(f64, [usize; 2])> = gains
         .into_iter()
         .filter(|([i, j], _)| {
-            let fit = select::fits_in(trials[*j].effect, &select::with_trial(model, &trials[*i]));
-            fit && !(chosen(&trials[*i]) && chosen(&trials[*j]))
+            let fit = select::fits_in(trials[*j].effect, &select::with_trial(model, trials[*i]));
+            fit && !(chosen(trials[*i]) && chosen(trials[*j]))
         })
         .map(|([i, j], gain)| {
             let price = trials[i].price + trials[j].price;
@@ -114,6 +122,36 @@ fn promising(
     pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
     let two = |(_, pair): &(f64, [usize; 2])| pair.map(|k| trials[k].clone());
     Ok(pairs.iter().take(MOST).map(two).collect())
+}
+
+/// The effects that do most alone, each with the one that does most beside it. What more there is to a form of one may stand in
+/// for the other, as a spring that rests elsewhere does for a load: such an effect is tried in its plain form.
+fn beside_the_likeliest(
+    scope: &Scope,
+    model: &Model,
+    base: &Base,
+    alone: &[Trial],
+) -> Result<Vec<[Trial; 2]>> {
+    let mut firsts = Vec::new();
+    for trial in alone.iter().take(select::LIKELIEST) {
+        let plain = effects::find(trial.effect.id());
+        match plain.filter(|plain| !effects::same_form(*plain, trial.effect)) {
+            Some(plain) => firsts.extend(base.attempt(plain)?),
+            None => firsts.push(trial.clone()),
+        }
+    }
+    let mut twos = Vec::new();
+    for first in firsts {
+        let Ok((with, _)) = scope.bench.estimate(&select::with_trial(model, &first)) else {
+            continue;
+        };
+        let Some(base) = Base::new(scope.bench, &with)? else {
+            continue;
+        };
+        let second = select::trials(&base, &with, scope)?.into_iter().next();
+        twos.extend(second.map(|second| [first, second]));
+    }
+    Ok(twos)
 }
 
 /// The two as a selection, if each is the best effect to add to the other, or what took the place of one is.

@@ -156,7 +156,7 @@ pub(super) fn select(
     }
     if from_nothing
         && !scope.fast
-        && let Some(pair) = pairs::better(scope, model, alone, (&selected, &current), recordings)?
+        && let Some(pair) = pairs::better(scope, model, &alone, (&selected, &current), recordings)?
     {
         progress("going on from two effects together");
         return select(scope, model, pair, recordings, progress);
@@ -165,7 +165,7 @@ pub(super) fn select(
 }
 
 /// Trials that are fitted in full.
-const LIKELIEST: usize = 3;
+pub(super) const LIKELIEST: usize = 3;
 
 /// The effect of a scope with the best evidence if the friction law is sought anew with it, of those that may have sufficient
 /// evidence so. A law that was fitted to what is left out has bent to it; beside an effect that explains it, it then is no law any
@@ -230,7 +230,7 @@ fn taken(effect: &dyn Effect, selected: &[Selected]) -> bool {
 }
 
 /// Every effect of a scope that a model has room for, tried on it; best first.
-fn trials(base: &Base, model: &Model, scope: &Scope) -> Result<Vec<Trial>> {
+pub(super) fn trials(base: &Base, model: &Model, scope: &Scope) -> Result<Vec<Trial>> {
     let nuisance: &'static dyn Effect = &effects::CREEP;
     let forms = |effect: &'static dyn Effect| {
         let others = effect.other_forms().iter().copied();
