@@ -843,15 +843,24 @@ fn a_few_jams_are_no_noise() {
 
 /// Two jams of a tenth of a second are lost in the noise of the rows, but not in where the axis is a second later.
 #[test]
-fn two_short_jams_show_in_free_runs() {
-    let jammed = |t: f64| [9.0, 20.0].iter().any(|jam| t > *jam && t < jam + 0.1);
-    let jam = |v: f64| 0.3 * (v / 0.002_f64).tanh();
-    let resisting = |t, v| friction(v) + if jammed(t) { jam(v) } else { 0.0 };
-    let json = diagnosed_against(resisting, |t| 2.0 * three_waves(t), 24);
-    assert_eq!(json["verdict"], "unknown", "{}", json["text"]);
-    assert_eq!(json["findings"], serde_json::json!([]));
-    let text = json["text"].as_str().expect("a sentence");
+fn short_jams_show_in_free_runs() {
+    let unknown_with_jams_at = |jams: &[f64]| {
+        let jammed = |t: f64| jams.iter().any(|jam| t > *jam && t < jam + 0.1);
+        let jam = |v: f64| 0.3 * (v / 0.002_f64).tanh();
+        let resisting = |t, v| friction(v) + if jammed(t) { jam(v) } else { 0.0 };
+        let json = diagnosed_against(resisting, |t| 2.0 * three_waves(t), 24);
+        assert_eq!(json["verdict"], "unknown", "{}", json["text"]);
+        assert_eq!(json["findings"], serde_json::json!([]));
+        json["text"].as_str().expect("a sentence").to_owned()
+    };
+    let text = unknown_with_jams_at(&[9.0, 20.0]);
     assert!(text.contains("free runs of 1 s"), "{text}");
+    // One that no fit has seen.
+    let text = unknown_with_jams_at(&[20.0]);
+    assert!(
+        text.contains("last 30 %") && text.contains("19.8 to 20.8 s"),
+        "{text}"
+    );
 }
 
 /// 24 s of a motor, 6 of 10 parts of the inertia, with set-valued friction, that drives a measured load by what joins them: a

@@ -69,9 +69,9 @@ pub fn diagnose(
     let bends = |breakaway| bench.problem.tracks.iter().any(|t| t.shows(breakaway));
     let told = |id| id != "presliding" || outcome.after.breakaway().is_some_and(bends);
     let strongest = found.findings.first().map(|f| f.id);
-    if found.verdict == Verdict::Adequate
-        || strongest.is_some_and(|id| AT_REVERSALS.contains(&id) && told(id))
-    {
+    // Nothing that rows show, at reversals or elsewhere.
+    let shows = strongest.is_some() || found.unexplained.is_some();
+    if !shows || strongest.is_some_and(|id| AT_REVERSALS.contains(&id) && told(id)) {
         return Ok(outcome);
     }
     let Some(mut elsewhere) = away_from_unresolved(bench, baseline, recordings, progress) else {
@@ -230,17 +230,17 @@ fn concluded(
             .iter_mut()
             .for_each(|f| f.confidence *= BESIDE_UNKNOWN);
     }
-    let certain = leftover.certain || excess.is_some() && leftover.gain > 0.0;
+    // What acts in the held-out part alone the rest cannot tell.
+    let early = excess.as_ref().is_some_and(|excess| !excess.late);
+    let certain = leftover.certain || early && leftover.gain > 0.0;
     let leftover = unexplained(&leftover);
     let remains = certain.then_some(&leftover);
     let unexplained = remains.filter(|_| verdict == Verdict::Unknown).cloned();
     let place = place(bench, before, (!selected.is_empty()).then_some(&after));
     let text = match given {
         Some(given) => given_sentence(&given),
-        None if departs && remains.is_none() => departure_sentence(bench, &after, &findings),
-        None if let Some(times) = excess => {
-            excess_sentence(times, &when(usual, &after), &findings, remains)
-        }
+        None if departs && remains.is_none() => departure_sentence(&when(bench, &after), &findings),
+        None if let Some(excess) = excess => excess.sentence(&findings, remains),
         None => verdict_sentence(verdict, &findings, remains, &warnings),
     };
     let diagnosis = Diagnosis {
@@ -280,29 +280,80 @@ fn astray(before: &Fit, after: &Fit) -> bool {
     hopeless || worse || lost && confirm::moves(train, held_out)
 }
 
-/// How many times as far as noise explains free runs go wrong, if that is more than [`DEPARTS`] and what was found takes less than
-/// [`SHARE_OF_GENERIC`] off their squared error, on both parts. Over a second, errors add up that a window of the weak form takes
-/// for noise. Below the size of effects that are looked for, sampling and simulation may be all there is to them.
+/// Free runs that go wrong further than noise explains.
+struct Excess {
+    /// How many times as far.
+    times: f64,
+    /// Whether they do in the held-out part alone.
+    late: bool,
+    /// When they go wrong most.
+    when: String,
+}
+
+impl Excess {
+    fn sentence(&self, findings: &[Finding], remains: Option<&Unexplained>) -> String {
+        let Self { times, late, when } = self;
+        if *late {
+            return departure_sentence(when, findings);
+        }
+        let even = even_with(findings);
+        let depends = remains.and_then(|rest| rest.coordinates.first());
+        let depends = depends.map_or_else(String::new, |(coordinate, _)| {
+            format!("; if anything, it depends on {coordinate}")
+        });
+        format!(
+            "Something is left out{even}: free runs of 1 s go wrong {times:.1} times as far as the noise of the recording explains. It is too rare or too slow to be told from noise otherwise{depends}. Look at {when}, where they go wrong most."
+        )
+    }
+}
+
+/// How many times as far as noise explains free runs go wrong in one part or the other, if that is more than [`DEPARTS`] and what was
+/// found takes less than [`SHARE_OF_GENERIC`] off their squared error there. Over a second, errors add up that a window of the weak
+/// form takes for noise, and what acts in the held-out part alone no fit has seen. Where reversals are left out that the encoder does
+/// not resolve, free runs go through them all the same, and must go wrong in both parts. Below the size of effects that are looked
+/// for, sampling and simulation may be all there is to them.
 fn excess(
     bench: &Workbench,
     fit: &BeforeAfter,
     after: &Model,
     recordings: &[Recording],
-) -> Result<Option<f64>> {
+) -> Result<Option<Excess>> {
     let (before, now) = (&fit.before, &fit.after);
-    let parts = [
-        (&before.train, &now.train),
-        (&before.held_out, &now.held_out),
-    ];
     let left = |before: &fit::Error, now: &fit::Error| {
         now.nrmse > select::SOUGHT
             && now.nrmse.powi(2) > (1.0 - SHARE_OF_GENERIC) * before.nrmse.powi(2)
     };
-    if !parts.into_iter().all(|(before, now)| left(before, now)) {
+    let parts = [
+        (Part::Train, left(&before.train, &now.train)),
+        (Part::HeldOut, left(&before.held_out, &now.held_out)),
+    ];
+    let parts = parts
+        .into_iter()
+        .filter_map(|(part, left)| left.then_some(part));
+    let parts: Vec<Part> = parts.collect();
+    if parts.is_empty() {
         return Ok(None);
     }
-    let times = bench.excess(after, recordings, DEPARTS)?;
-    Ok(times.filter(|times| *times > DEPARTS))
+    let Some(times) = bench.excess(after, recordings, &parts, DEPARTS)? else {
+        return Ok(None);
+    };
+    let far = parts
+        .into_iter()
+        .zip(times)
+        .filter(|(_, times)| *times > DEPARTS);
+    let far: Vec<(Part, f64)> = far.collect();
+    if far.len() == 1 && bench.resolved {
+        return Ok(None);
+    }
+    let Some(&(part, times)) = far.iter().max_by(|a, b| a.1.total_cmp(&b.1)) else {
+        return Ok(None);
+    };
+    let spans = fit::worst(part, after, recordings, &bench.problem.tracks)?;
+    Ok(Some(Excess {
+        times,
+        late: far.iter().all(|(part, _)| *part == Part::HeldOut),
+        when: spanned(&spans),
+    }))
 }
 
 /// What bends the curve of friction over speed.
@@ -557,35 +608,20 @@ fn given_sentence(given: &str) -> String {
 }
 
 /// What to say of a held-out part that is unlike the rest.
-fn departure_sentence(bench: &Workbench, after: &Model, findings: &[Finding]) -> String {
-    let when = when(bench, after);
+fn departure_sentence(when: &str, findings: &[Finding]) -> String {
     let even = even_with(findings);
     format!(
         "The last 30 % of the recording, which no fit has seen, depart from what the rest says{even}, most of all at {when}: something acts there that the rest does not show. If something touched the axis then, record again without; otherwise so that all levels of drive, speed and position come early and late."
     )
 }
 
-/// What to say of free runs that go wrong that many times as far as noise explains.
-fn excess_sentence(
-    times: f64,
-    when: &str,
-    findings: &[Finding],
-    remains: Option<&Unexplained>,
-) -> String {
-    let even = even_with(findings);
-    let depends = remains.and_then(|rest| rest.coordinates.first());
-    let depends = depends.map_or_else(String::new, |(coordinate, _)| {
-        format!("; if anything, it depends on {coordinate}")
-    });
-    format!(
-        "Something is left out{even}: free runs of 1 s go wrong {times:.1} times as far as the noise of the recording explains. It is too rare or too slow to be told from noise otherwise{depends}. Look at {when}, where the model errs most."
-    )
-}
-
 /// When a model errs by more than noise.
 fn when(bench: &Workbench, model: &Model) -> String {
-    let place = place(bench, model, None);
-    let spans = place.time.iter().map(|span| format::range(*span, "s"));
+    spanned(&place(bench, model, None).time)
+}
+
+fn spanned(spans: &[[f64; 2]]) -> String {
+    let spans = spans.iter().map(|span| format::range(*span, "s"));
     spans.collect::<Vec<_>>().join(" and ")
 }
 

@@ -3,18 +3,19 @@
 use super::Workbench;
 use super::twin::Draw;
 use crate::error::Result;
-use crate::fit::{self, Parts};
+use crate::fit;
 use crate::model::{Causality, Model};
 use crate::recording::Recording;
+use crate::weak::Part;
 
 /// Twins that free runs are held against: were the model all there is, these would be seven of a kind, and the recordings those
-/// that err most of them in both parts by chance in one of 49 cases; by twice as much in far fewer.
+/// that err most in a part by chance in one of seven cases; by twice as much in far fewer.
 const TWINS: u64 = 6;
 
 impl Workbench {
-    /// How many times as far free runs of a model err as on that twin of its recordings on which they err most, in the part where
-    /// that is less: RMS errors over windows of [`fit::HORIZON`], each from the measured state. Twins are exactly the model under
-    /// the noise of this workbench, on the same path and through the same sensors. Once it is no more than `enough`, no further
+    /// How many times as far free runs of a model err, in each of the given parts, as on that twin of its recordings on which they
+    /// err most there: RMS errors over windows of [`fit::HORIZON`], each from the measured state. Twins are exactly the model under
+    /// the noise of this workbench, on the same path and through the same sensors. Once none is more than `enough`, no further
     /// twin is asked.
     ///
     /// `None` where there are no twins: of an imposed motion, and of a model that describes no axis, or a load of its own.
@@ -22,8 +23,9 @@ impl Workbench {
         &self,
         model: &Model,
         recordings: &[Recording],
+        parts: &[Part],
         enough: f64,
-    ) -> Result<Option<f64>> {
+    ) -> Result<Option<Vec<f64>>> {
         if model.causality == Causality::Inverse {
             return Ok(None);
         }
@@ -32,7 +34,7 @@ impl Workbench {
             return Ok(None);
         };
         let own = fit::parts(model, recordings, &self.problem.tracks)?;
-        let mut excess = f64::INFINITY;
+        let mut excess = vec![f64::INFINITY; parts.len()];
         for number in 0..TWINS {
             let draw = Draw {
                 at: (number as f64 + 0.5) / TWINS as f64,
@@ -45,12 +47,11 @@ impl Workbench {
                 return Ok(None);
             };
             let twins = fit::parts(model, &seen, &tracks)?;
-            let times = |of: fn(&Parts) -> fit::Error| {
-                of(&own).rmse / of(&twins).rmse.max(f64::MIN_POSITIVE)
-            };
-            let both = [Parts::train, Parts::held_out];
-            excess = both.into_iter().map(times).fold(excess, f64::min);
-            if excess <= enough {
+            for (excess, part) in excess.iter_mut().zip(parts) {
+                let twin = twins.error(*part).rmse.max(f64::MIN_POSITIVE);
+                *excess = excess.min(own.error(*part).rmse / twin);
+            }
+            if excess.iter().all(|times| *times <= enough) {
                 break;
             }
         }

@@ -60,6 +60,8 @@ pub struct Workbench {
     pub balance: Option<Balance>,
     /// How wide the windows are, and why.
     pub width: Width,
+    /// Whether windows over reversals that the encoder does not resolve are left out.
+    pub resolved: bool,
     /// What is known of the inertia with all generic functions in.
     inertias: Option<Inertias>,
     /// Hz from which on lines are sought: slower ones are for wider windows.
@@ -191,6 +193,7 @@ impl Workbench {
         let noise = Noise::estimate(&problem, &residual, unknowns, &blocks);
         Ok(Self {
             balance: None,
+            resolved: false,
             problem,
             blocks,
             noise,
@@ -223,6 +226,7 @@ impl Workbench {
         };
         Ok(Self {
             balance: self.balance,
+            resolved: self.resolved,
             ..Self::beside(Some(self), &self.problem.tracks, model, options)?
         })
     }
@@ -251,6 +255,7 @@ impl Workbench {
         let rest = (barred > 0).then(|| Self::on(&tracks, model, options));
         Some(Self {
             balance: self.balance,
+            resolved: true,
             ..rest?.ok()?
         })
     }
