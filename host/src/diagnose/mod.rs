@@ -471,9 +471,6 @@ fn search(
     }
 }
 
-/// Share of the travel below which bristles yield at once: no stroke is as short.
-const SHORT: f64 = 0.01;
-
 /// The effect that a settled model has beyond a baseline and whose own errors refute it most: an effect may be in doubt only
 /// because a nuisance stands beside it, which then goes first.
 ///
@@ -495,11 +492,9 @@ fn refuted_by_itself(
     if let Some((_, gap)) = named.iter().find(|(_, t)| slight && t.effect.divides()) {
         return Ok(Some(nuisance.unwrap_or(gap.effect.id())));
     }
-    let (least, most) = bench.problem.survey(settled).travel;
-    let short = (settled.breakaway()).is_some_and(|distance| distance < SHORT * (most - least));
     let doubts = named
         .iter()
-        .filter_map(|(k, t)| Some((told::doubt(t, short)?, *k, t.effect.id())));
+        .filter_map(|(k, t)| Some((told::doubt(t)?, *k, t.effect.id())));
     let mut doubts: Vec<(f64, usize, &str)> = doubts.collect();
     doubts.sort_by(|a, b| a.0.total_cmp(&b.0));
     for (_, k, id) in doubts {

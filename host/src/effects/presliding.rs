@@ -50,20 +50,15 @@ const STIFFNESS: Spec = Spec::within(
 );
 const DAMPING: Spec = Spec::within("bristle_damping", Quantity::Viscous, (0.0, f64::INFINITY));
 
-/// Factor between breakaway distances that are tried, at most.
-const STEP: f64 = 1.7;
-
-/// Breakaway distances from below what the encoder tells apart, or what an axis that friction alone accelerates moves from one
-/// sample to the next at a reversal, to a share of the travel.
+/// Breakaway distances from below what the encoder tells apart to a share of the travel.
 fn stiffnesses(survey: &Survey) -> Vec<f64> {
     let travel = survey.travel.1 - survey.travel.0;
     let longest = 0.3 * travel;
     let shortest = (0.5 * survey.position_noise)
-        .max(0.5 * survey.deceleration * survey.period * survey.period)
+        .max(0.1 * survey.top_speed * survey.period)
         .min(0.1 * longest);
     let level = survey.level.max(f64::MIN_POSITIVE);
-    let steps = (longest / shortest).log(STEP).ceil();
-    let mut stiffnesses: Vec<f64> = geometric(shortest, longest, steps as usize + 1)
+    let mut stiffnesses: Vec<f64> = geometric(shortest, longest, 20)
         .iter()
         .map(|distance| level / distance)
         .collect();
