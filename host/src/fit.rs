@@ -189,13 +189,17 @@ pub struct Parts {
 }
 
 impl Parts {
-    /// The errors of one part.
-    pub fn error(&self, part: Part) -> Error {
-        total(match part {
+    /// The sums of one part.
+    fn of(&self, part: Part) -> &[Sums] {
+        match part {
             Part::Train => &self.train,
             Part::HeldOut => &self.held_out,
-        })
-        .error()
+        }
+    }
+
+    /// The errors of one part.
+    pub fn error(&self, part: Part) -> Error {
+        total(self.of(part)).error()
     }
 
     /// The errors of the training part.
@@ -206,6 +210,34 @@ impl Parts {
     /// The errors of the held-out part.
     pub fn held_out(&self) -> Error {
         self.error(Part::HeldOut)
+    }
+
+    /// Spans of time, in s, of the fewest windows of a part that hold half of its squared error, of free runs along these recordings.
+    pub fn worst(&self, part: Part, recordings: &[Recording]) -> Vec<[f64; 2]> {
+        let sums = self.of(part);
+        let spans = recordings.iter().flat_map(|recording| {
+            let t = &recording.t;
+            let windows = windows(t, HORIZON, samples_of(part, t.len()));
+            windows.map(|samples| [t[samples.start], t[samples.end - 1]])
+        });
+        let mut worst: Vec<(f64, [f64; 2])> = sums.iter().map(Sums::squares).zip(spans).collect();
+        worst.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let most = 0.5 * total(sums).squares();
+        let mut sum = 0.0;
+        let held = worst.iter().position(|(squares, _)| {
+            sum += squares;
+            sum >= most
+        });
+        worst.truncate(held.map_or(worst.len(), |last| last + 1));
+        worst.sort_by(|a, b| a.1[0].total_cmp(&b.1[0]));
+        let mut spans: Vec<[f64; 2]> = Vec::new();
+        for (_, span) in worst {
+            match spans.last_mut() {
+                Some(last) if span[0] - last[1] < 0.5 * HORIZON => last[1] = last[1].max(span[1]),
+                _ => spans.push(span),
+            }
+        }
+        spans
     }
 
     /// The squared error of both.
@@ -277,39 +309,6 @@ fn samples_of(part: Part, samples: usize) -> Range<usize> {
         Part::Train => 0..boundary,
         Part::HeldOut => boundary..samples,
     }
-}
-
-/// Spans of time, in s, of the fewest windows of a part that hold half of a model's squared error there.
-pub fn worst(
-    part: Part,
-    model: &Model,
-    recordings: &[Recording],
-    tracks: &[Track],
-) -> Result<Vec<[f64; 2]>> {
-    let sums = windows_of(part, model, recordings, tracks)?;
-    let spans = recordings.iter().flat_map(|recording| {
-        let t = &recording.t;
-        let windows = windows(t, HORIZON, samples_of(part, t.len()));
-        windows.map(|samples| [t[samples.start], t[samples.end - 1]])
-    });
-    let mut worst: Vec<(f64, [f64; 2])> = sums.iter().map(Sums::squares).zip(spans).collect();
-    worst.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let most = 0.5 * total(&sums).squares();
-    let mut sum = 0.0;
-    let held = worst.iter().position(|(squares, _)| {
-        sum += squares;
-        sum >= most
-    });
-    worst.truncate(held.map_or(worst.len(), |last| last + 1));
-    worst.sort_by(|a, b| a.1[0].total_cmp(&b.1[0]));
-    let mut spans: Vec<[f64; 2]> = Vec::new();
-    for (_, span) in worst {
-        match spans.last_mut() {
-            Some(last) if span[0] - last[1] < 0.5 * HORIZON => last[1] = last[1].max(span[1]),
-            _ => spans.push(span),
-        }
-    }
-    Ok(spans)
 }
 
 /// The sums over windows of some length in a range of the samples of each recording.

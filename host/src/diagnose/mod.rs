@@ -334,7 +334,8 @@ fn excess(
     if parts.is_empty() {
         return Ok(None);
     }
-    let Some(times) = bench.excess(after, recordings, &parts, DEPARTS)? else {
+    let own = fit::parts(after, recordings, &bench.problem.tracks)?;
+    let Some(times) = bench.excess(after, recordings, (&own, &parts), DEPARTS)? else {
         return Ok(None);
     };
     let far = parts
@@ -342,17 +343,16 @@ fn excess(
         .zip(times)
         .filter(|(_, times)| *times > DEPARTS);
     let far: Vec<(Part, f64)> = far.collect();
-    if far.len() == 1 && bench.resolved {
+    if far.len() == 1 && bench.skips_unresolved {
         return Ok(None);
     }
     let Some(&(part, times)) = far.iter().max_by(|a, b| a.1.total_cmp(&b.1)) else {
         return Ok(None);
     };
-    let spans = fit::worst(part, after, recordings, &bench.problem.tracks)?;
     Ok(Some(Excess {
         times,
         late: far.iter().all(|(part, _)| *part == Part::HeldOut),
-        when: spanned(&spans),
+        when: spanned(&own.worst(part, recordings)),
     }))
 }
 

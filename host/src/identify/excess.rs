@@ -3,7 +3,7 @@
 use super::Workbench;
 use super::twin::Draw;
 use crate::error::Result;
-use crate::fit;
+use crate::fit::{self, Parts};
 use crate::model::{Causality, Model};
 use crate::recording::Recording;
 use crate::weak::Part;
@@ -13,7 +13,7 @@ use crate::weak::Part;
 const TWINS: u64 = 6;
 
 impl Workbench {
-    /// How many times as far free runs of a model err, in each of the given parts, as on that twin of its recordings on which they
+    /// How many times as far a model's `own` free runs err, in each of the given parts, as on that twin of its recordings on which they
     /// err most there: RMS errors over windows of [`fit::HORIZON`], each from the measured state. Twins are exactly the model under
     /// the noise of this workbench, on the same path and through the same sensors. Once none is more than `enough`, no further
     /// twin is asked.
@@ -23,7 +23,7 @@ impl Workbench {
         &self,
         model: &Model,
         recordings: &[Recording],
-        parts: &[Part],
+        (own, parts): (&Parts, &[Part]),
         enough: f64,
     ) -> Result<Option<Vec<f64>>> {
         if model.causality == Causality::Inverse {
@@ -33,7 +33,6 @@ impl Workbench {
         let Some(whites) = self.whites(model, recordings, load) else {
             return Ok(None);
         };
-        let own = fit::parts(model, recordings, &self.problem.tracks)?;
         let mut excess = vec![f64::INFINITY; parts.len()];
         for number in 0..TWINS {
             let draw = Draw {

@@ -61,7 +61,7 @@ pub struct Workbench {
     /// How wide the windows are, and why.
     pub width: Width,
     /// Whether windows over reversals that the encoder does not resolve are left out.
-    pub resolved: bool,
+    pub skips_unresolved: bool,
     /// What is known of the inertia with all generic functions in.
     inertias: Option<Inertias>,
     /// Hz from which on lines are sought: slower ones are for wider windows.
@@ -193,7 +193,7 @@ impl Workbench {
         let noise = Noise::estimate(&problem, &residual, unknowns, &blocks);
         Ok(Self {
             balance: None,
-            resolved: false,
+            skips_unresolved: false,
             problem,
             blocks,
             noise,
@@ -226,7 +226,7 @@ impl Workbench {
         };
         Ok(Self {
             balance: self.balance,
-            resolved: self.resolved,
+            skips_unresolved: self.skips_unresolved,
             ..Self::beside(Some(self), &self.problem.tracks, model, options)?
         })
     }
@@ -255,7 +255,7 @@ impl Workbench {
         let rest = (barred > 0).then(|| Self::on(&tracks, model, options));
         Some(Self {
             balance: self.balance,
-            resolved: true,
+            skips_unresolved: true,
             ..rest?.ok()?
         })
     }
