@@ -238,6 +238,13 @@ fn two_effects_at_once_are_named() {
             Medium,
             ["backlash", "sensor-eccentricity"],
         ),
+        // A spring that rests elsewhere stood in for the load that stays.
+        (
+            15_513_452_068_494_261_626,
+            0.1,
+            High,
+            ["hardening-spring", "load-step"],
+        ),
     ] {
         let recipe = Recipe::with_effects(seed, &two, size, noise);
         let (_, outcome, _) = examine(&recipe);
