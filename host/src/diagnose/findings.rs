@@ -9,26 +9,26 @@ use super::{Estimate, Estimates, Evidence, Finding, Rival, error, whitened};
 use crate::effects;
 use crate::error::Result;
 use crate::fit::{self, Fit};
-use crate::identify::{Identified, Workbench};
+use crate::identify::Workbench;
 use crate::model::Model;
 use crate::recording::Recording;
 use crate::system;
 
-/// The findings in order of strength with their nested fits, and the fit of the final model.
+/// The findings in order of strength with their nested fits, and the fit of the final model; that of the baseline is given.
 pub(super) fn findings(
     bench: &Workbench,
-    baseline: &Identified,
+    (baseline, fit): (&Model, Fit),
     selected: &[Selected],
     after: &Model,
     recordings: &[Recording],
 ) -> Result<(Vec<Finding>, Fit)> {
-    let first = baseline.model.terms.len();
+    let first = baseline.terms.len();
     let mut findings: Vec<Finding> = Vec::new();
-    let mut last_fit = baseline.fit;
-    let base_error = error(bench, &baseline.model)?;
+    let mut last_fit = fit;
+    let base_error = error(bench, baseline)?;
     let mut last_error = base_error;
-    let mut last_z = whitened(bench, &baseline.model);
-    let mut last_stage = baseline.model.clone();
+    let mut last_z = whitened(bench, baseline);
+    let mut last_stage = baseline.clone();
     for (k, selected) in selected.iter().enumerate() {
         let mut stage = after.clone();
         stage.terms.truncate(first + k + 1);

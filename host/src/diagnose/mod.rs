@@ -55,6 +55,9 @@ const BESIDE_UNKNOWN: f64 = 0.3;
 
 /// Diagnoses a baseline that has been fitted on a workbench. `progress` is told what is being done.
 ///
+/// The search starts from the baseline as the rows have it; what is told of it, and compared with what was found, is free of what
+/// sensors and smoothing do to estimates, as what was found is.
+///
 /// Where the encoder is too coarse for a reversal, the direction of friction is a guess there, and a wrong one is what any effect may
 /// stand in for. So what is left out must show elsewhere as well, unless its strongest part is one that shows at reversals only;
 /// bristles that break away before the position tells that they bend do not show there either.
@@ -64,16 +67,18 @@ pub fn diagnose(
     recordings: &[Recording],
     progress: &dyn Fn(&str),
 ) -> Result<Outcome> {
-    let outcome = diagnosed(bench, baseline, recordings, progress)?;
+    let told = bench.unbiased(baseline.clone(), recordings)?;
+    let outcome = diagnosed(bench, (baseline, &told), recordings, progress)?;
     let found = &outcome.diagnosis;
     let bends = |breakaway| bench.problem.tracks.iter().any(|t| t.shows(breakaway));
-    let told = |id| id != "presliding" || outcome.after.breakaway().is_some_and(bends);
+    let resolves = |id| id != "presliding" || outcome.after.breakaway().is_some_and(bends);
     let strongest = found.findings.first().map(|f| f.id);
     // Nothing that rows show, at reversals or elsewhere.
     let shows = strongest.is_some() || found.unexplained.is_some();
-    if !shows || strongest.is_some_and(|id| AT_REVERSALS.contains(&id) && told(id)) {
+    if !shows || strongest.is_some_and(|id| AT_REVERSALS.contains(&id) && resolves(id)) {
         return Ok(outcome);
     }
+    let baseline = (baseline, &told);
     let Some(mut elsewhere) = away_from_unresolved(bench, baseline, recordings, progress) else {
         return Ok(outcome);
     };
@@ -86,7 +91,7 @@ pub fn diagnose(
 /// The diagnosis away from reversals that the encoder does not resolve, if they are a minority and the model is adequate there.
 fn away_from_unresolved(
     bench: &Workbench,
-    baseline: &Identified,
+    (baseline, told): (&Identified, &Identified),
     recordings: &[Recording],
     progress: &dyn Fn(&str),
 ) -> Option<Outcome> {
@@ -100,7 +105,7 @@ fn away_from_unresolved(
     if leftover::of(&resolved, &baseline.model).ok()?.certain {
         return None;
     }
-    let outcome = diagnosed(&resolved, &baseline, recordings, progress).ok()?;
+    let outcome = diagnosed(&resolved, (&baseline, told), recordings, progress).ok()?;
     (outcome.diagnosis.verdict == Verdict::Adequate).then_some(outcome)
 }
 
@@ -116,11 +121,11 @@ const QUIETER: f64 = 0.5;
 /// nothing. Beside what the held-out part has refuted, what is found then must explain all.
 fn diagnosed(
     bench: &Workbench,
-    baseline: &Identified,
+    baseline: (&Identified, &Identified),
     recordings: &[Recording],
     progress: &dyn Fn(&str),
 ) -> Result<Outcome> {
-    let before = &baseline.model;
+    let before = &baseline.0.model;
     let found = found(bench, before, recordings, progress)?;
     let stands = quieter_beside(bench, &found.selection)?;
     let refuted = || -> Result<bool> {
@@ -157,10 +162,10 @@ fn quieter_beside(bench: &Workbench, (selected, after): &Selection) -> Result<bo
     Ok(base.is_some_and(|base| base.score().chi2 < QUIETER * base.rows()))
 }
 
-/// The diagnosis that a search leads to.
+/// The diagnosis that a search leads to, from a baseline as it was fitted and as it is told.
 fn concluded(
     bench: &Workbench,
-    baseline: &Identified,
+    (baseline, told): (&Identified, &Identified),
     recordings: &[Recording],
     found: Found,
     progress: &dyn Fn(&str),
@@ -198,17 +203,22 @@ fn concluded(
     let departure = confirm::departure(bench, &after);
     let departs = departure > DEPARTS && leftover::counts(bench, &after);
     progress("how certain it is");
-    let after = if selected.is_empty() { after } else { settled };
+    let after = if selected.is_empty() {
+        told.model.clone()
+    } else {
+        settled
+    };
     // What windows of the usual width do not show is told by those that do.
     let fine = fine.filter(|_| !selected.is_empty());
     let usual = bench;
     let bench = fine.as_ref().map_or(bench, |fast| &fast.bench);
-    let (mut findings, after_fit) = findings(bench, baseline, &selected, &after, recordings)?;
+    let from = (before, told.fit);
+    let (mut findings, after_fit) = findings(bench, from, &selected, &after, recordings)?;
     let departs = departs && after_fit.held_out.nrmse > after_fit.train.nrmse;
-    let astray = astray(&baseline.fit, &after_fit);
+    let astray = astray(&told.fit, &after_fit);
     let doubtful = significant || nameless || departs || astray || given.is_some();
     let fit = BeforeAfter {
-        before: baseline.fit,
+        before: told.fit,
         after: after_fit,
     };
     let excess = if doubtful {
@@ -249,8 +259,8 @@ fn concluded(
         text,
         warnings,
         baseline: Baseline {
-            parameters: estimates(before, None),
-            fit: baseline.fit,
+            parameters: estimates(&told.model, None),
+            fit: told.fit,
         },
         place,
         findings,
@@ -263,7 +273,7 @@ fn concluded(
     };
     Ok(Outcome {
         diagnosis,
-        before: before.clone(),
+        before: told.model.clone(),
         after,
     })
 }

@@ -80,6 +80,7 @@ pub struct Options {
 }
 
 /// A model with estimated values, and how well it predicts.
+#[derive(Clone)]
 pub struct Identified {
     /// All parameters have values; estimated ones have standard errors.
     pub model: Model,
