@@ -149,6 +149,48 @@ impl Dictionary {
         columns
     }
 
+    /// The functions of the input, for one of which there is a value for every row of a problem.
+    pub fn of_input(&self, problem: &Problem, input: &[f64]) -> Vec<Group> {
+        let table = |factor: &dyn Fn(usize, &Row) -> f64| -> Column {
+            let rows = problem.rows.iter().enumerate();
+            Arc::new(rows.map(|(k, row)| factor(k, row)).collect())
+        };
+        let knots = &self.grids.input;
+        let levels = (0..knots.len()).map(|j| table(&|k, _| hat(knots, j, input[k])));
+        let sign = |row: &Row| problem.tracks[row.track].cells[row.centre].s;
+        let opposing = table(&|k, row| sign(row) * input[k].abs());
+        let times: Vec<Vec<f64>> = (problem.tracks.iter())
+            .map(|t| times(t, self.grids.times))
+            .collect();
+        let share = |j, row: &Row| hat(&times[row.track], j, problem.time(*row));
+        let over_time = (0..self.grids.times).map(|j| table(&|k, row| share(j, row) * input[k]));
+        let mut memories: Vec<Vec<f64>> = Vec::new();
+        let mut from = 0;
+        for (track, windows) in problem.tracks.iter().zip(&problem.windows) {
+            let to = from + windows.centres.len();
+            let signals = histories(&input[from..to], windows.hop as f64 * track.period);
+            memories.resize(signals.len(), Vec::new());
+            for (column, signal) in memories.iter_mut().zip(signals) {
+                column.extend(signal);
+            }
+            from = to;
+        }
+        [
+            ("input", levels.collect()),
+            ("input, as friction", vec![opposing]),
+            ("input, over time", over_time.collect()),
+            (
+                "input, with a memory",
+                memories.into_iter().map(Arc::new).collect(),
+            ),
+        ]
+        .map(|(coordinate, columns)| Group {
+            coordinate,
+            columns,
+        })
+        .into()
+    }
+
     /// What an inertia over position would do, `J(q)·q̈ + J′(q)·q̇²/2`: `acceleration`, that of every row, times functions of
     /// position, which change little within a window, and the functions of position and squared velocity.
     pub fn inertia_over_position(&self, problem: &Problem, acceleration: &[f64]) -> Group {

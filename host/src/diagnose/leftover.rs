@@ -17,6 +17,8 @@ use crate::system;
 const SMALLEST: f64 = SOUGHT / 6.0;
 /// The instant of a reversal is uncertain by about this share of a sampling interval.
 const TIMING: f64 = 0.1;
+/// Share of what is left that a controller's answer to it may seem to explain: see [`beside_nothing`].
+const MOST_ANSWERED: f64 = 0.5;
 
 /// What generic functions of each coordinate gain on top of a model.
 pub(super) struct Leftover {
@@ -57,6 +59,44 @@ type Look = (Vec<(&'static str, Generic)>, Generic);
 
 /// What is left for generic functions on top of a model.
 pub(super) fn of(bench: &Workbench, model: &Model) -> Result<Leftover> {
+    let residual = system::residual(&bench.problem, model);
+    let functions = functions(bench, &residual);
+    under(bench, model, &residual, &functions)
+}
+
+/// The same beside no finding.
+///
+/// A controller answers the disturbance, which then depends on the input without any physics between them: `u = T − d`, where
+/// the motion takes `T`. Seen from the other side of the equation, which has the input as its response, a function of `T` cannot
+/// tell of `d` unless physics makes it. So what depends on the input must show there, too, unless it is more than half of all that
+/// is left: the other side is rougher, with a single `T` for each window.
+pub(super) fn beside_nothing(bench: &Workbench, model: &Model) -> Result<Leftover> {
+    let leftover = of(bench, model)?;
+    let first = leftover.coordinates.first();
+    let by_input = first.is_some_and(|(coordinate, _)| coordinate.starts_with("input"));
+    if !leftover.certain || !by_input || leftover.gain > MOST_ANSWERED {
+        return Ok(leftover);
+    }
+    let other = bench.with_response(model, Response::Force)?;
+    let (model, _) = other.estimate(model)?;
+    let residual = system::residual(&other.problem, &model);
+    let scale = system::torque_scale(&other.problem, &model) / model.gain.value.unwrap_or(1.0);
+    let input = other.problem.input(&Path::default());
+    let taken = input.iter().zip(&residual).map(|(u, r)| u + scale * r);
+    let taken: Vec<f64> = taken.collect();
+    let mut functions = functions(&other, &residual);
+    functions.extend(other.dictionary.of_input(&other.problem, &taken));
+    let seen = under(&other, &model, &residual, &functions)?;
+    Ok(if seen.certain { leftover } else { seen })
+}
+
+/// What given functions of rows gain on top of a model.
+fn under(
+    bench: &Workbench,
+    model: &Model,
+    residual: &[f64],
+    functions: &[Group],
+) -> Result<Leftover> {
     let Some(base) = Base::new(bench, model)? else {
         return Ok(Leftover {
             gain: 0.0,
@@ -66,7 +106,6 @@ pub(super) fn of(bench: &Workbench, model: &Model) -> Result<Leftover> {
             coordinates: Vec::new(),
         });
     };
-    let residual = system::residual(&bench.problem, model);
     let friction = bench
         .problem
         .coulomb(&Direction::default(), &Path::default());
@@ -79,15 +118,14 @@ pub(super) fn of(bench: &Workbench, model: &Model) -> Result<Leftover> {
         ),
         ("time, in spells", "time, at random", load.as_slice()),
     ];
-    let functions = functions(bench, &residual);
-    let spells = carriers.map(|(name, _, carrier)| (name, base.spells(carrier, &residual)));
-    let (mut alone, together) = look(&base, &functions, &friction, spells);
-    let left = relative(bench, model, &residual);
+    let spells = carriers.map(|(name, _, carrier)| (name, base.spells(carrier, residual)));
+    let (mut alone, together) = look(&base, functions, &friction, spells);
+    let left = relative(bench, model, residual);
     for (in_spells, at_random, carrier) in carriers {
         // What shows beside noise of its own kind needs no look without.
         let shows = |(name, generic): &(&str, Generic)| *name == in_spells && generic.certain;
         if !alone.iter().any(shows) {
-            let wanders = base.wanders(carrier, &residual, left);
+            let wanders = base.wanders(carrier, residual, left);
             alone.extend(wanders.certain.then_some((at_random, wanders)));
         }
     }
@@ -96,7 +134,7 @@ pub(super) fn of(bench: &Workbench, model: &Model) -> Result<Leftover> {
     // certain is what is as large as effects that are looked for: reversals leave less.
     let plain = bench.noise.without_colour();
     let unwhitened = Base::under(bench, model, &plain)?;
-    let unwhitened = unwhitened.map(|base| look(&base, &functions, &friction, []));
+    let unwhitened = unwhitened.map(|base| look(&base, functions, &friction, []));
     looks.extend(unwhitened.filter(|look| certain(look) && gain(look).sqrt() * left >= SOUGHT));
     Ok(seen(bench, left, &looks))
 }

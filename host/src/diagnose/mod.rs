@@ -179,7 +179,11 @@ fn concluded(
     } = found;
     progress("looking for what is left");
     let base_error = error(bench, before)?;
-    let mut leftover = leftover::of(bench, &after)?;
+    let mut leftover = if selected.is_empty() {
+        leftover::beside_nothing(bench, before)?
+    } else {
+        leftover::of(bench, &after)?
+    };
     let remaining = error(bench, &after)?;
     let reached = (base_error - remaining)
         / (base_error - remaining * (1.0 - leftover.whitened)).max(f64::MIN_POSITIVE);

@@ -20,7 +20,7 @@ use crate::fit::{self, Fit};
 use crate::linear;
 use crate::model::{Causality, Model, Parameter, Status, Term};
 use crate::noise::Noise;
-use crate::problem::{Direction, Problem};
+use crate::problem::{Direction, Problem, Response};
 use crate::recording::Recording;
 use crate::refine::{self, Refined};
 use crate::scan::{self, Found, Ground, Inertias, Memo, Setting};
@@ -167,9 +167,9 @@ impl Workbench {
         Self::beside(None, tracks, model, options)
     }
 
-    /// On the side of the equation, and with the room for inertias, of another workbench if there is one.
+    /// On a side of the equation and with a room for inertias, if they are known already.
     fn beside(
-        other: Option<&Self>,
+        known: Option<(Response, Option<Inertias>)>,
         tracks: &[Track],
         model: &Model,
         options: Options,
@@ -184,8 +184,8 @@ impl Workbench {
         }
         let blocks = system::blocks(&problem);
         let start = with_starts(&problem, model);
-        let (response, inertias) = match other {
-            Some(other) => (other.problem.response, other.inertias),
+        let (response, inertias) = match known {
+            Some(known) => known,
             None => choose_response(&mut problem, &start, &dictionary, &blocks)?,
         };
         problem.response = response;
@@ -222,13 +222,19 @@ impl Workbench {
 
     /// The same with noise estimated beside another model.
     pub fn with_noise_beside(&self, model: &Model) -> Result<Self> {
+        self.with_response(model, self.problem.response)
+    }
+
+    /// The same with the error of one side of the equation to minimise, and noise estimated there beside a model.
+    pub fn with_response(&self, model: &Model, response: Response) -> Result<Self> {
         let options = Options {
             half_width: Some(self.problem.half_width()),
         };
+        let known = Some((response, self.inertias));
         Ok(Self {
             balance: self.balance,
             skips_unresolved: self.skips_unresolved,
-            ..Self::beside(Some(self), &self.problem.tracks, model, options)?
+            ..Self::beside(known, &self.problem.tracks, model, options)?
         })
     }
 
@@ -271,7 +277,8 @@ impl Workbench {
         let options = Options {
             half_width: Some(half_width),
         };
-        let mut narrow = Self::beside(Some(self), &self.problem.tracks, model, options)?;
+        let known = Some((self.problem.response, self.inertias));
+        let mut narrow = Self::beside(known, &self.problem.tracks, model, options)?;
         narrow.slowest = slowest;
         narrow.follow_a_line(model)?;
         Ok(narrow)
