@@ -67,8 +67,12 @@ pub fn diagnose(
     recordings: &[Recording],
     progress: &dyn Fn(&str),
 ) -> Result<Outcome> {
-    let told = bench.unbiased(baseline.clone(), recordings)?;
-    let outcome = diagnosed(bench, (baseline, &told), recordings, progress)?;
+    let told = &bench.unbiased(baseline.clone(), recordings)?;
+    let start = Start {
+        fitted: baseline,
+        told,
+    };
+    let outcome = diagnosed(bench, start, recordings, progress)?;
     let found = &outcome.diagnosis;
     let bends = |breakaway| bench.problem.tracks.iter().any(|t| t.shows(breakaway));
     let resolves = |id| id != "presliding" || outcome.after.breakaway().is_some_and(bends);
@@ -78,8 +82,7 @@ pub fn diagnose(
     if !shows || strongest.is_some_and(|id| AT_REVERSALS.contains(&id) && resolves(id)) {
         return Ok(outcome);
     }
-    let baseline = (baseline, &told);
-    let Some(mut elsewhere) = away_from_unresolved(bench, baseline, recordings, progress) else {
+    let Some(mut elsewhere) = away_from_unresolved(bench, start, recordings, progress) else {
         return Ok(outcome);
     };
     elsewhere.diagnosis.warnings.push(check::unresolved());
@@ -88,24 +91,32 @@ pub fn diagnose(
     Ok(elsewhere)
 }
 
+/// A baseline as it was fitted to rows, from which a search starts, and as it is told.
+#[derive(Clone, Copy)]
+struct Start<'a> {
+    fitted: &'a Identified,
+    told: &'a Identified,
+}
+
 /// The diagnosis away from reversals that the encoder does not resolve, if they are a minority and the model is adequate there.
 fn away_from_unresolved(
     bench: &Workbench,
-    (baseline, told): (&Identified, &Identified),
+    start: Start,
     recordings: &[Recording],
     progress: &dyn Fn(&str),
 ) -> Option<Outcome> {
-    let resolved = bench.resolved(&baseline.model)?;
+    let resolved = bench.resolved(&start.fitted.model)?;
     if 2 * resolved.problem.rows.len() < bench.problem.rows.len() {
         return None;
     }
     progress("the same away from reversals that the encoder does not resolve");
-    let baseline = resolved.fit(&baseline.model, recordings).ok()?;
+    let fitted = &resolved.fit(&start.fitted.model, recordings).ok()?;
     // Before the long search: without a finding, this alone decides.
-    if leftover::of(&resolved, &baseline.model).ok()?.certain {
+    if leftover::of(&resolved, &fitted.model).ok()?.certain {
         return None;
     }
-    let outcome = diagnosed(&resolved, (&baseline, told), recordings, progress).ok()?;
+    let start = Start { fitted, ..start };
+    let outcome = diagnosed(&resolved, start, recordings, progress).ok()?;
     (outcome.diagnosis.verdict == Verdict::Adequate).then_some(outcome)
 }
 
@@ -121,12 +132,11 @@ const QUIETER: f64 = 0.5;
 /// nothing. Beside what the held-out part has refuted, what is found then must explain all.
 fn diagnosed(
     bench: &Workbench,
-    baseline: (&Identified, &Identified),
+    start: Start,
     recordings: &[Recording],
     progress: &dyn Fn(&str),
 ) -> Result<Outcome> {
-    let before = &baseline.0.model;
-    let found = found(bench, before, recordings, progress)?;
+    let found = found(bench, start, recordings, progress)?;
     let stands = quieter_beside(bench, &found.selection)?;
     let refuted = || -> Result<bool> {
         let quieter = quieter_beside(bench, &found.evident)?;
@@ -140,16 +150,16 @@ fn diagnosed(
             &found.evident
         };
         let quieter = bench.with_noise_beside(quiet)?;
-        let again = self::found(&quieter, before, recordings, progress)?;
+        let again = self::found(&quieter, start, recordings, progress)?;
         let error = |found: &Found| held_out(bench, &found.settled, recordings);
         if error(&again)?.nrmse <= confirm::FREE_RUN_TOLERANCE * error(&found)?.nrmse {
-            let again = concluded(&quieter, baseline, recordings, again, progress)?;
+            let again = concluded(&quieter, start, recordings, again, progress)?;
             if stands || again.diagnosis.verdict == Verdict::Explained {
                 return Ok(again);
             }
         }
     }
-    concluded(bench, baseline, recordings, found, progress)
+    concluded(bench, start, recordings, found, progress)
 }
 
 /// Whether what was selected leaves much less than what was taken for noise. What narrow windows alone show is not for usual ones to
@@ -162,15 +172,15 @@ fn quieter_beside(bench: &Workbench, (selected, after): &Selection) -> Result<bo
     Ok(base.is_some_and(|base| base.score().chi2 < QUIETER * base.rows()))
 }
 
-/// The diagnosis that a search leads to, from a baseline as it was fitted and as it is told.
+/// The diagnosis that a search leads to.
 fn concluded(
     bench: &Workbench,
-    (baseline, told): (&Identified, &Identified),
+    start: Start,
     recordings: &[Recording],
     found: Found,
     progress: &dyn Fn(&str),
 ) -> Result<Outcome> {
-    let before = &baseline.model;
+    let (before, told) = (&start.fitted.model, start.told);
     let Found {
         selection: (selected, after),
         fine,
@@ -413,16 +423,16 @@ struct Found {
 /// resonance or a gap before the encoder can stand in for other physics at reversals, which free runs tell apart.
 fn found(
     bench: &Workbench,
-    before: &Model,
+    start: Start,
     recordings: &[Recording],
     progress: &dyn Fn(&str),
 ) -> Result<Found> {
-    let found = search(bench, before, recordings, true, progress)?;
-    let mut added = found.settled.terms[before.terms.len()..].iter();
+    let found = search(bench, start, recordings, true, progress)?;
+    let mut added = found.settled.terms[start.fitted.model.terms.len()..].iter();
     if !added.any(|t| t.effect.on_load_side()) {
         return Ok(found);
     }
-    let without = search(bench, before, recordings, false, progress)?;
+    let without = search(bench, start, recordings, false, progress)?;
     let error = |found: &Found| held_out(bench, &found.settled, recordings);
     let predicts = error(&found)?.nrmse < sharpen::LOAD_LEAVES * error(&without)?.nrmse;
     Ok(if predicts { found } else { without })
@@ -433,15 +443,23 @@ fn held_out(bench: &Workbench, model: &Model, recordings: &[Recording]) -> Resul
     fit::part(Part::HeldOut, model, recordings, &bench.problem.tracks)
 }
 
-/// The search, repeated without the effect that its own errors refute most as long as there is one; with the encoder on the
-/// load or not.
+/// The search, repeated without the effect that its own errors or free runs refute most as long as there is one; with the encoder
+/// on the load or not.
 fn search(
     bench: &Workbench,
-    before: &Model,
+    start: Start,
     recordings: &[Recording],
     load_side: bool,
     progress: &dyn Fn(&str),
 ) -> Result<Found> {
+    let before = &start.fitted.model;
+    let refutes = |selected: &[Selected], settled: &Model| -> Result<Option<&'static str>> {
+        let itself = refuted_by_itself(bench, settled, before, recordings)?;
+        match itself {
+            None => refuted_by_runs(bench, &start.told.fit, (selected, settled), recordings),
+            itself => Ok(itself),
+        }
+    };
     let nothing = (Vec::new(), before.clone());
     let mut refuted: Vec<&str> = Vec::new();
     let mut first = None;
@@ -460,7 +478,7 @@ fn search(
         if !usual.0.is_empty() {
             bench.settle(&mut settled, recordings);
         }
-        if let Some(id) = refuted_by_itself(bench, &settled, before, recordings)? {
+        if let Some(id) = refutes(&usual.0, &settled)? {
             refuted.push(id);
             continue;
         }
@@ -471,7 +489,7 @@ fn search(
         let (selection, fine) = sharpened(&scope, before, usual, recordings, progress)?;
         if let Some(fast) = &fine {
             settled = fast.settle(bench, &selection.1, recordings)?;
-            if let Some(id) = refuted_by_itself(bench, &settled, before, recordings)? {
+            if let Some(id) = refutes(&selection.0, &settled)? {
                 refuted.push(id);
                 continue;
             }
@@ -517,6 +535,28 @@ fn refuted_by_itself(
         }
     }
     Ok(None)
+}
+
+/// The last effect of a selection that makes free runs worse than those of the baseline: in the held-out part, as far as the axis
+/// moves there, by more than chance, and in the part that it was fitted to. In the weak form, what noise, filters and counts
+/// do at reversals may look like physics; free runs start anew from the measured state and go through them.
+fn refuted_by_runs(
+    bench: &Workbench,
+    baseline: &Fit,
+    (selected, settled): (&[Selected], &Model),
+    recordings: &[Recording],
+) -> Result<Option<&'static str>> {
+    let mut effects = selected.iter().map(|s| s.trial.effect);
+    let Some(last) = effects.rfind(|effect| !effect.nuisance()) else {
+        return Ok(None);
+    };
+    let held_out = held_out(bench, settled, recordings)?;
+    if held_out.nrmse < confirm::FREE_RUN_TOLERANCE * baseline.held_out.nrmse {
+        return Ok(None);
+    }
+    let train = fit::part(Part::Train, settled, recordings, &bench.problem.tracks)?;
+    let worse = train.nrmse > baseline.train.nrmse && confirm::moves(&train, &held_out);
+    Ok(worse.then_some(last.id()))
 }
 
 /// Whether a term, or what is more to it than a part of it, halves the squared error of free runs on both parts, or is a load that the held-out rows show again.
