@@ -11,6 +11,8 @@ use crate::step::{self, Drive, Loaded, Mechanism, Memory};
 pub struct Hold {
     acting: usize,
     lagged: f64,
+    /// Whether nothing acted before the first sample, rather than its value.
+    fresh: bool,
 }
 
 /// Of a lag this many time constants back nothing is left to rounding.
@@ -19,8 +21,15 @@ const FORGOTTEN: f64 = 40.0;
 const PARTS: f64 = 8.0;
 
 impl Hold {
-    /// The hold at the instant of sample `first`, under the inputs recorded so far.
-    pub fn at(t: &[f64], u: &[f64], first: usize, path: &Path) -> Self {
+    /// The hold at the instant of sample `first`, under the inputs recorded so far. Of an axis that moves at `speed` then; what
+    /// drives one off that is at rest at the first sample of all was not there before.
+    pub fn at(t: &[f64], u: &[f64], first: usize, speed: f64, path: &Path) -> Self {
+        if first == 0 && speed == 0.0 {
+            return Self {
+                fresh: true,
+                ..Self::default()
+            };
+        }
         let begun = |instant: f64| t.partition_point(|&sample| sample + path.delay <= instant);
         let acting = begun(t[first]).max(1) - 1;
         let from = begun(t[first] - FORGOTTEN * path.lag).max(1) - 1;
@@ -31,7 +40,11 @@ impl Hold {
         }
         let rest = t[first] - path.delay - t[acting];
         lagged = path.relax(lagged, value(acting), rest.max(0.0)).1;
-        Self { acting, lagged }
+        Self {
+            acting,
+            lagged,
+            fresh: false,
+        }
     }
 
     /// Advances a mechanism from instant `t[k]` to `t[k + 1]` under the inputs up to now.
@@ -49,11 +62,15 @@ impl Hold {
             while self.acting + 1 < t.len() && t[self.acting + 1] + path.delay <= now {
                 self.acting += 1;
             }
-            let switch = t
-                .get(self.acting + 1)
-                .map_or(f64::INFINITY, |next| next + path.delay);
+            self.fresh &= now < t[0] + path.delay;
+            let next = if self.fresh { 0 } else { self.acting + 1 };
+            let switch = t.get(next).map_or(f64::INFINITY, |next| next + path.delay);
             let until = switch.min(t[k + 1]);
-            let passed = path.pass(u[self.acting]);
+            let passed = if self.fresh {
+                0.0
+            } else {
+                path.pass(u[self.acting])
+            };
             let parts = if path.lag > 0.0 {
                 ((until - now) / path.lag * PARTS).ceil().clamp(1.0, PARTS)
             } else {
@@ -113,7 +130,7 @@ fn run<const N: usize>(
     }
     let mut states = Vec::with_capacity(last - first + 1);
     states.push(from);
-    let mut hold = Hold::at(&recording.t, &recording.u, first, &plant.path());
+    let mut hold = Hold::at(&recording.t, &recording.u, first, from.v, &plant.path());
     for k in first..last {
         state = hold.advance(plant, (&recording.t, &recording.u), k, 0.0, state);
         let seen = plant.measured(&state.x);
@@ -270,6 +287,20 @@ mod tests {
         );
         // v̇ = 80 rad/s², so 20.5 ms later means 1.64 rad/s slower.
         assert!((prompt[299].v - late[299].v - 80.0 * 0.0205).abs() < 1e-9);
+    }
+
+    /// What drives an axis off that stands at the first sample was not there before; one that moves already had it.
+    #[test]
+    fn nothing_acted_before_an_axis_that_stands() {
+        let slower = |v: f64| {
+            let [prompt, late] = ["", "[effects.delay]\ndelay = 0.0205\n"].map(|late| {
+                let from = State { q: 0.0, v };
+                run_axis(&axis(late), &recording(300, |_| 1.0), 0, 299, from)
+            });
+            prompt[299].v - late[299].v
+        };
+        assert!((slower(0.0) - 80.0 * 0.0205).abs() < 1e-9);
+        assert!(slower(0.1).abs() < 1e-9);
     }
 
     #[test]

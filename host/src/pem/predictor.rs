@@ -133,7 +133,7 @@ pub fn pass(sequence: &Sequence, family: &Family, weighing: Weighing) -> Pass {
     let mut x = Vector3::zeros();
     let mut spread = Matrix3::zeros();
     let mut slopes = vec![Vector3::zeros(); family.moved.len()];
-    let mut hold = Hold::at(t, u, 0, &axis.path);
+    let mut hold = Hold::default();
     for k in 0..sequence.readings.len() {
         if sequence.restarts[k] {
             let (state, covariance) = sequence.begin(k, axis);
@@ -142,7 +142,7 @@ pub fn pass(sequence: &Sequence, family: &Family, weighing: Weighing) -> Pass {
             for (slope, (moved, h)) in slopes.iter_mut().zip(&family.moved) {
                 *slope = (Sequence::at_ease(moved, state) - x) / *h;
             }
-            hold = Hold::at(t, u, k, &axis.path);
+            hold = Hold::at(t, u, k, state.v, &axis.path);
             continue;
         }
         let from = Interval {
@@ -166,7 +166,7 @@ pub fn pass(sequence: &Sequence, family: &Family, weighing: Weighing) -> Pass {
                 hold: if moved.path == axis.path {
                     from.hold
                 } else {
-                    Hold::at(t, u, k - 1, &moved.path)
+                    Hold::at(t, u, k - 1, x[1], &moved.path)
                 },
             };
             *slope = transition * *slope + (own.step(moved, &x, 0.0) - next) / *h;

@@ -99,7 +99,7 @@ impl<P: Mechanism<N>, const N: usize> Plant for Running<P, N> {
     }
     fn start(&mut self, t: &[f64], u: &[f64], first: usize, state: State) {
         self.memory = Memory::at_ease(&self.mechanism, state);
-        self.hold = Hold::at(t, u, first, &self.mechanism.path());
+        self.hold = Hold::at(t, u, first, state.v, &self.mechanism.path());
     }
     fn advance(&mut self, t: &[f64], u: &[f64], k: usize, load: f64) {
         self.memory = self
