@@ -652,6 +652,17 @@ fn bristles_that_damp_are_named_with_their_damping() {
     }
 }
 
+/// Bristles that yield within ten counts or three were out of reach of the search, so that such an axis had a gap or nothing.
+#[test]
+fn bristles_that_yield_within_counts_are_named() {
+    for stiffness in [300.0, 600.0] {
+        let truth = format!("{PLAIN}[effects.presliding]\nbristle_stiffness = {stiffness}\n");
+        let options = "--excite multisine --amplitude 1 --band 0.1:2 --rate 1000 --counts 65536 --noise 0.003 --seed 4";
+        let json = diagnosed_of(&truth, BASELINE, options);
+        only_finding(&json, "presliding", 0.5);
+    }
+}
+
 /// A `LuGre` law that was fitted beside an offset and a drag bends to both. Beside either it then came out as no law at all, and
 /// neither was a candidate.
 #[test]

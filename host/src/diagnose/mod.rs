@@ -182,37 +182,20 @@ fn concluded(
 ) -> Result<Outcome> {
     let (before, told) = (&start.fitted.model, start.told);
     let Found {
-        selection: (selected, after),
+        selection,
         fine,
         mut settled,
         ..
     } = found;
     progress("looking for what is left");
-    let base_error = error(bench, before)?;
-    let mut leftover = if selected.is_empty() {
-        leftover::beside_nothing(bench, before)?
-    } else {
-        leftover::of(bench, &after)?
-    };
-    let remaining = error(bench, &after)?;
-    let reached = (base_error - remaining)
-        / (base_error - remaining * (1.0 - leftover.whitened)).max(f64::MIN_POSITIVE);
-    let little = leftover.size() < select::SOUGHT && reached >= 1.0 - select::FLOOR;
-    let significant = leftover.certain && (selected.is_empty() || !little);
-    let given = given::refuted(bench, before, (base_error, remaining))?;
     let finer = fine.as_ref().map_or(bench, |fast| &fast.bench);
-    let impostor = impostor([bench, finer], &selected, &after, before)?;
-    let nameless = pieced(&selected, &leftover) || impostor.is_some();
-    let misnamed = given.is_some() || nameless || significant && reached < SHARE_OF_GENERIC;
-    let (mut selected, mut after) = if misnamed && !selected.is_empty() {
-        leftover = leftover::of(bench, before)?;
-        (Vec::new(), before.clone())
-    } else {
-        (selected, after)
-    };
-    if let Some((coordinate, gain)) = impostor {
-        leftover.is_told_by(coordinate, gain);
-    }
+    let Judged {
+        selection: (mut selected, mut after),
+        leftover,
+        significant,
+        given,
+        nameless,
+    } = judged([bench, finer], before, selection)?;
     let creep = take_nuisance(&mut selected, [&mut settled, &mut after], before);
     let departure = confirm::departure(bench, &after);
     let departs = departure > DEPARTS && leftover::counts(bench, &after);
@@ -289,6 +272,59 @@ fn concluded(
         diagnosis,
         before: told.model.clone(),
         after,
+    })
+}
+
+/// A selection, if its names hold, with what it leaves.
+struct Judged {
+    selection: Selection,
+    leftover: Leftover,
+    /// Whether that counts.
+    significant: bool,
+    /// Friction that the model file gives and that does not hold.
+    given: Option<String>,
+    /// Whether the names are not the physics, however well they fit.
+    nameless: bool,
+}
+
+/// Whether what was selected, under the windows of the first workbench or the finer ones of the second, is what was left out. What
+/// is not goes.
+fn judged(
+    benches: [&Workbench; 2],
+    before: &Model,
+    (selected, after): Selection,
+) -> Result<Judged> {
+    let bench = benches[0];
+    let base_error = error(bench, before)?;
+    let mut leftover = if selected.is_empty() {
+        leftover::beside_nothing(bench, before)?
+    } else {
+        leftover::of(bench, &after)?
+    };
+    let remaining = error(bench, &after)?;
+    let reached = (base_error - remaining)
+        / (base_error - remaining * (1.0 - leftover.whitened)).max(f64::MIN_POSITIVE);
+    let little = leftover.size() < select::SOUGHT && reached >= 1.0 - select::FLOOR;
+    let significant = leftover.certain && (selected.is_empty() || !little);
+    let given = given::refuted(bench, before, (base_error, remaining))?;
+    let impostor = impostor(benches, &selected, &after, before)?;
+    let nameless = pieced(&selected, &leftover) || impostor.is_some();
+    let misnamed = given.is_some() || nameless || significant && reached < SHARE_OF_GENERIC;
+    let selection = if misnamed && !selected.is_empty() {
+        leftover = leftover::of(bench, before)?;
+        (Vec::new(), before.clone())
+    } else {
+        (selected, after)
+    };
+    if let Some((coordinate, gain)) = impostor {
+        leftover.is_told_by(coordinate, gain);
+    }
+    Ok(Judged {
+        selection,
+        leftover,
+        significant,
+        given,
+        nameless,
     })
 }
 
@@ -503,6 +539,9 @@ fn search(
     }
 }
 
+/// Share of the travel below which bristles yield at once: no stroke is as short.
+const SHORT: f64 = 0.01;
+
 /// The effect that a settled model has beyond a baseline and whose own errors refute it most: an effect may be in doubt only
 /// because a nuisance stands beside it, which then goes first.
 ///
@@ -524,9 +563,11 @@ fn refuted_by_itself(
     if let Some((_, gap)) = named.iter().find(|(_, t)| slight && t.effect.divides()) {
         return Ok(Some(nuisance.unwrap_or(gap.effect.id())));
     }
+    let (least, most) = bench.problem.survey(settled).travel;
+    let short = (settled.breakaway()).is_some_and(|distance| distance < SHORT * (most - least));
     let doubts = named
         .iter()
-        .filter_map(|(k, t)| Some((told::doubt(t)?, *k, t.effect.id())));
+        .filter_map(|(k, t)| Some((told::doubt(t, short)?, *k, t.effect.id())));
     let mut doubts: Vec<(f64, usize, &str)> = doubts.collect();
     doubts.sort_by(|a, b| a.0.total_cmp(&b.0));
     for (_, k, id) in doubts {

@@ -19,9 +19,10 @@ const PLACED: f64 = 2.0;
 /// Counted are its scanned parameter, and the largest of those that say how much of it there is, or the one that makes it what it
 /// is. The part of the inertia behind a spring or a gap is not: it stands in for the other part, and the spring or the gap itself
 /// shows the load. Nor are the coefficient of a power, whose very unit follows the exponent, instants, which may lie anywhere, and
-/// phases. Bristles are none where they are stiff, and soft ones trade off against the level that they yield at, for which errors
-/// on a linear scale say nothing; what they damp is not what makes them bristles.
-pub(super) fn doubt(term: &Term) -> Option<f64> {
+/// phases. Bristles are none where they are stiff and do not damp: what they do grows with the distance over which they yield, whose
+/// relative error is that of their stiffness, as long as it is `short`, and with what they damp meanwhile. Soft ones trade off
+/// against the level that they yield at, for which such errors say nothing.
+pub(super) fn doubt(term: &Term, short: bool) -> Option<f64> {
     let effect = term.effect;
     let errors = |k: usize| {
         let parameter = &term.parameters[k];
@@ -51,8 +52,10 @@ pub(super) fn doubt(term: &Term) -> Option<f64> {
         .filter(|&k| effect.search() != Search::Interval && !term.bends() && !signed(k));
     // Of a lag or a dead zone the scanned parameter is the size as well.
     let enough = if effect.width() == 0 { TOLD } else { PLACED };
+    let all = 0..term.parameters.len();
+    let bristles = (term.bends() && short).then(|| all.map(errors).fold(0.0, f64::max));
     let shares = [
-        sizes.map(|errors| errors / TOLD),
+        sizes.or(bristles).map(|errors| errors / TOLD),
         scanned.map(|k| errors(k) / enough),
     ];
     let least = shares.into_iter().flatten().reduce(f64::min);
@@ -68,10 +71,10 @@ mod tests {
 
     /// Whether an effect with parameters of these values in standard errors is in doubt.
     fn doubtful(id: &str, errors: &[f64]) -> bool {
-        doubtful_as(effects::find(id).expect("an effect"), errors)
+        doubtful_as(effects::find(id).expect("an effect"), errors, false)
     }
 
-    fn doubtful_as(effect: &'static dyn Effect, errors: &[f64]) -> bool {
+    fn doubtful_as(effect: &'static dyn Effect, errors: &[f64], short: bool) -> bool {
         let mut term = scan::open(effect);
         for (parameter, value) in term.parameters.iter_mut().zip(errors) {
             *parameter = Parameter {
@@ -80,7 +83,7 @@ mod tests {
                 ..Parameter::unknown()
             };
         }
-        doubt(&term).is_some()
+        doubt(&term, short).is_some()
     }
 
     #[test]
@@ -93,7 +96,11 @@ mod tests {
         assert!(doubtful("thermal-drift", &[2.9, 2.9, 9.0]));
         assert!(doubtful("delay", &[2.9]) && !doubtful("delay", &[3.1]));
         assert!(!doubtful("presliding", &[0.1]));
-        assert!(!doubtful_as(&effects::law::DAMPED_BRISTLES, &[0.1, 0.1]));
+        let bristles =
+            |errors: &[f64], short| doubtful_as(&effects::law::DAMPED_BRISTLES, errors, short);
+        assert!(!bristles(&[0.1, 0.1], false));
+        assert!(bristles(&[2.9, 2.9], true));
+        assert!(!bristles(&[3.1, 0.1], true) && !bristles(&[0.1, 3.1], true));
         // The stiffness of any spring, and what hardens.
         assert!(
             doubtful("hardening-spring", &[99.0, 2.9])

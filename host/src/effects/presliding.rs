@@ -50,20 +50,36 @@ const STIFFNESS: Spec = Spec::within(
 );
 const DAMPING: Spec = Spec::within("bristle_damping", Quantity::Viscous, (0.0, f64::INFINITY));
 
-/// Breakaway distances from below what the encoder tells apart to a share of the travel.
+/// Factor between breakaway distances that are tried, at most.
+const STEP: f64 = 1.7;
+
+/// Breakaway distances from below what the encoder tells apart, or what an axis that friction alone accelerates moves from one
+/// sample to the next at a reversal, to a share of the travel.
 fn stiffnesses(survey: &Survey) -> Vec<f64> {
-    let travel = survey.travel.1 - survey.travel.0;
-    let longest = 0.3 * travel;
-    let shortest = (0.5 * survey.position_noise)
-        .max(0.1 * survey.top_speed * survey.period)
-        .min(0.1 * longest);
+    let nearest = 0.5 * survey.deceleration * survey.period * survey.period;
+    let [shortest, longest] = breakaways(survey, nearest);
+    let steps = (longest / shortest).log(STEP).ceil();
+    stiffnesses_of(survey, &geometric(shortest, longest, steps as usize + 1))
+}
+
+/// The same for the bristles of a law, which other parameters stand in for where they are short: none that yield between two samples
+/// at speed.
+fn stiffnesses_of_law(survey: &Survey) -> Vec<f64> {
+    let [shortest, longest] = breakaways(survey, 0.1 * survey.top_speed * survey.period);
+    stiffnesses_of(survey, &geometric(shortest, longest, 20))
+}
+
+/// The shortest breakaway distance, which is `nearest` if the encoder tells that, and the longest.
+fn breakaways(survey: &Survey, nearest: f64) -> [f64; 2] {
+    let longest = 0.3 * (survey.travel.1 - survey.travel.0);
+    let shortest = nearest.max(0.5 * survey.position_noise).min(0.1 * longest);
+    [shortest, longest]
+}
+
+/// Stiffnesses that go with breakaway distances, in the opposite order.
+fn stiffnesses_of(survey: &Survey, distances: &[f64]) -> Vec<f64> {
     let level = survey.level.max(f64::MIN_POSITIVE);
-    let mut stiffnesses: Vec<f64> = geometric(shortest, longest, 20)
-        .iter()
-        .map(|distance| level / distance)
-        .collect();
-    stiffnesses.reverse();
-    stiffnesses
+    distances.iter().rev().map(|distance| level / distance).collect()
 }
 
 impl Effect for Presliding {
@@ -147,7 +163,7 @@ impl Effect for Bristles {
         Some(0)
     }
     fn grid(&self, survey: &Survey) -> Vec<f64> {
-        stiffnesses(survey)
+        stiffnesses_of_law(survey)
     }
     fn basis(&self, _inner: Inner, at: Point, out: &mut [f64]) {
         if self.damped {
