@@ -652,13 +652,15 @@ fn bristles_that_damp_are_named_with_their_damping() {
     }
 }
 
-/// Bristles that yield within ten counts or three were out of reach of the search, so that such an axis had a gap or nothing.
+/// Bristles that yield within four counts were out of reach of the search, so that such an axis had a gap or nothing.
 #[test]
 fn bristles_that_yield_within_counts_are_named() {
-    for stiffness in [300.0, 600.0] {
-        let truth = format!("{PLAIN}[effects.presliding]\nbristle_stiffness = {stiffness}\n");
-        let options = "--excite multisine --amplitude 1 --band 0.1:2 --rate 1000 --counts 65536 --noise 0.003 --seed 4";
-        let json = diagnosed_of(&truth, BASELINE, options);
+    let truth = format!("{PLAIN}[effects.presliding]\nbristle_stiffness = 300\n");
+    for seed in [4, 5] {
+        let options = format!(
+            "--excite multisine --amplitude 1 --band 0.1:2 --rate 1000 --counts 65536 --noise 0.003 --seed {seed}"
+        );
+        let json = diagnosed_of(&truth, BASELINE, &options);
         only_finding(&json, "presliding", 0.5);
     }
 }

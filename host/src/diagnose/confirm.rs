@@ -2,7 +2,6 @@
 
 use rayon::prelude::*;
 
-use super::AT_REVERSALS;
 use super::leftover;
 use super::select::{self, Scope, Selected, Selection};
 use super::trial::{Trial, students_t};
@@ -165,9 +164,7 @@ fn outpredicted(
 
 /// Drops effects that are too small to count, in what they do or in what they do beyond what the rest of the model makes up for
 /// without them, and those without which the held-out part is predicted as well: weak-form error and free run both count, as far
-/// as the axis moves enough there for them to tell. Of a load that came and went before, the weak form tells nothing there; nor
-/// does it of what acts at reversals and halves the squared error of free runs on both parts: one reversal that the encoder does not
-/// resolve outweighs all other rows, not so where the axis is a second later.
+/// as the axis moves enough there for them to tell. Of a load that came and went before, the weak form tells nothing there.
 /// One at a time, that first without which free runs err least: beside one that spoils them others may seem to.
 fn confirm(
     bench: &Workbench,
@@ -212,12 +209,9 @@ fn refuted(
     let few = bench.problem.count(Part::HeldOut) < FEWEST_HELD_OUT;
     let held_out = HeldOut::between(bench, z, &whitened(bench, &without));
     let shows = || leftover::differs(bench, after, &without) && (few || held_out.fall > 0.0);
+    let holds = counts && (dominates && !acts || shows());
     let shows_again = !few && held_out.shows_again();
     let without_it = fit::parts(&without, recordings, &bench.problem.tracks)?;
-    let predicts = AT_REVERSALS.contains(&selected.trial.effect.id())
-        && with_it.held_out().halves(&without_it.held_out())
-        && with_it.train().halves(&without_it.train());
-    let holds = counts && (dominates && !acts || predicts || shows());
     let stays = holds && !worsens(with_it, &without_it, after.causality, shows_again);
     Ok((!stays).then_some((without, without_it)))
 }

@@ -82,9 +82,10 @@ pub fn diagnose(
     if !shows || strongest.is_some_and(|id| AT_REVERSALS.contains(&id) && resolves(id)) {
         return Ok(outcome);
     }
-    let Some(mut elsewhere) = away_from_unresolved(bench, start, recordings, progress) else {
+    let Some(mut elsewhere) = away_from_unresolved(bench, baseline, recordings, progress) else {
         return Ok(outcome);
     };
+    elsewhere.tell(told);
     elsewhere.diagnosis.warnings.push(check::unresolved());
     let warnings = &elsewhere.diagnosis.warnings;
     elsewhere.diagnosis.text = verdict_sentence(Verdict::Adequate, &[], None, warnings);
@@ -101,21 +102,22 @@ struct Start<'a> {
 /// The diagnosis away from reversals that the encoder does not resolve, if they are a minority and the model is adequate there.
 fn away_from_unresolved(
     bench: &Workbench,
-    start: Start,
+    baseline: &Identified,
     recordings: &[Recording],
     progress: &dyn Fn(&str),
 ) -> Option<Outcome> {
-    let resolved = bench.resolved(&start.fitted.model)?;
+    let resolved = bench.resolved(&baseline.model)?;
     if 2 * resolved.problem.rows.len() < bench.problem.rows.len() {
         return None;
     }
     progress("the same away from reversals that the encoder does not resolve");
-    let fitted = &resolved.fit(&start.fitted.model, recordings).ok()?;
+    let fitted = &resolved.fit(&baseline.model, recordings).ok()?;
     // Before the long search: without a finding, this alone decides.
     if leftover::of(&resolved, &fitted.model).ok()?.certain {
         return None;
     }
-    let start = Start { fitted, ..start };
+    let told = fitted;
+    let start = Start { fitted, told };
     let outcome = diagnosed(&resolved, start, recordings, progress).ok()?;
     (outcome.diagnosis.verdict == Verdict::Adequate).then_some(outcome)
 }
@@ -200,10 +202,11 @@ fn concluded(
     let departure = confirm::departure(bench, &after);
     let departs = departure > DEPARTS && leftover::counts(bench, &after);
     progress("how certain it is");
-    let after = if selected.is_empty() {
-        told.model.clone()
-    } else {
-        settled
+    // Beside a nuisance that goes, the baseline is another one.
+    let after = match &creep {
+        _ if !selected.is_empty() => settled,
+        Some(_) => after,
+        None => told.model.clone(),
     };
     // What windows of the usual width do not show is told by those that do.
     let fine = fine.filter(|_| !selected.is_empty());
@@ -268,11 +271,15 @@ fn concluded(
         departure,
         half_width: bench.problem.half_widths().collect(),
     };
-    Ok(Outcome {
+    let mut outcome = Outcome {
         diagnosis,
         before: told.model.clone(),
         after,
-    })
+    };
+    if selected.is_empty() {
+        outcome.tell(told);
+    }
+    Ok(outcome)
 }
 
 /// A selection, if its names hold, with what it leaves.

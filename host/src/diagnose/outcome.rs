@@ -4,9 +4,10 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::Where;
+use super::{Where, estimates};
 use crate::check::Warning;
 use crate::fit::Fit;
+use crate::identify::Identified;
 use crate::model::Model;
 
 /// A value with its standard error and unit.
@@ -165,4 +166,23 @@ pub struct Outcome {
     pub before: Model,
     /// The final model.
     pub after: Model,
+}
+
+impl Outcome {
+    /// Tells a baseline that nothing is added to as it is, whatever the verdict came of.
+    pub(super) fn tell(&mut self, baseline: &Identified) {
+        let Self {
+            diagnosis,
+            before,
+            after,
+        } = self;
+        (*before, *after) = (baseline.model.clone(), baseline.model.clone());
+        diagnosis.fit.before = baseline.fit;
+        diagnosis.fit.after = baseline.fit;
+        diagnosis.parameters = estimates(&baseline.model, None);
+        diagnosis.baseline = Baseline {
+            parameters: estimates(&baseline.model, None),
+            fit: baseline.fit,
+        };
+    }
 }
