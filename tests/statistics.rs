@@ -171,15 +171,6 @@ fn effects_are_named_and_measured() {
     assert!(wrong.len() < 4, "{wrong:?}");
 }
 
-/// A gap fits the rows of this axis better and makes free runs worse than none.
-#[test]
-fn what_makes_free_runs_worse_is_not_named() {
-    let seed = 17_092_570_677_718_217_768;
-    let (_, outcome, _) = examine(&Recipe::random(seed, Some("compliance"), 0.03, Noise::Low));
-    let ids: Vec<&str> = outcome.diagnosis.findings.iter().map(|f| f.id).collect();
-    assert_eq!(ids, ["compliance"], "{}", outcome.diagnosis.text);
-}
-
 /// Pairs that each were missed once, or never came to an end.
 #[test]
 fn two_effects_at_once_are_named() {
