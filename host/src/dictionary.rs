@@ -151,44 +151,31 @@ impl Dictionary {
 
     /// The functions of the input, for one of which there is a value for every row of a problem.
     pub fn of_input(&self, problem: &Problem, input: &[f64]) -> Vec<Group> {
-        let table = |factor: &dyn Fn(usize, &Row) -> f64| -> Column {
-            let rows = problem.rows.iter().enumerate();
-            Arc::new(rows.map(|(k, row)| factor(k, row)).collect())
-        };
-        let knots = &self.grids.input;
-        let levels = (0..knots.len()).map(|j| table(&|k, _| hat(knots, j, input[k])));
-        let sign = |row: &Row| problem.tracks[row.track].cells[row.centre].s;
-        let opposing = table(&|k, row| sign(row) * input[k].abs());
-        let times: Vec<Vec<f64>> = (problem.tracks.iter())
-            .map(|t| times(t, self.grids.times))
-            .collect();
-        let share = |j, row: &Row| hat(&times[row.track], j, problem.time(*row));
-        let over_time = (0..self.grids.times).map(|j| table(&|k, row| share(j, row) * input[k]));
-        let mut memories: Vec<Vec<f64>> = Vec::new();
-        let mut from = 0;
-        for (track, windows) in problem.tracks.iter().zip(&problem.windows) {
-            let to = from + windows.centres.len();
-            let signals = histories(&input[from..to], windows.hop as f64 * track.period);
-            memories.resize(signals.len(), Vec::new());
-            for (column, signal) in memories.iter_mut().zip(signals) {
-                column.extend(signal);
+        let inputs = every_coordinate().filter(|c| c.starts_with("input"));
+        let group = |coordinate| {
+            let mut columns: Vec<Vec<f64>> = Vec::new();
+            let mut from = 0;
+            for (track, windows) in problem.tracks.iter().zip(&problem.windows) {
+                let rows = &problem.rows[from..from + windows.centres.len()];
+                let driven = Driven {
+                    input: &input[from..from + rows.len()],
+                    period: windows.hop as f64 * track.period,
+                    sign: &|k| track.cells[rows[k].centre].s,
+                    time: &|k| problem.time(rows[k]),
+                };
+                let signals = driven.signals(coordinate, track, &self.grids);
+                columns.resize(signals.len(), Vec::new());
+                for (column, signal) in columns.iter_mut().zip(signals) {
+                    column.extend(signal);
+                }
+                from += rows.len();
             }
-            from = to;
-        }
-        [
-            ("input", levels.collect()),
-            ("input, as friction", vec![opposing]),
-            ("input, over time", over_time.collect()),
-            (
-                "input, with a memory",
-                memories.into_iter().map(Arc::new).collect(),
-            ),
-        ]
-        .map(|(coordinate, columns)| Group {
-            coordinate,
-            columns,
-        })
-        .into()
+            Group {
+                coordinate,
+                columns: columns.into_iter().map(Arc::new).collect(),
+            }
+        };
+        inputs.map(group).collect()
     }
 
     /// What an inertia over position would do, `J(q)·q̈ + J′(q)·q̇²/2`: `acceleration`, that of every row, times functions of
@@ -297,26 +284,54 @@ fn signals(coordinate: &str, track: &Track, grids: &Grids) -> Vec<Vec<f64>> {
             table(&grids.position, &position, &|k| cells[k].v * cells[k].v)
         }
         "position, in detail" => table(&grids.places.knots, &|k| grids.places.of(cells[k].q), &one),
-        "input, over time" => {
-            let input = track.input(&Path::default());
-            table(&times(track, grids.times), &time, &|k| input[k])
-        }
-        "input, with a memory" => histories(&track.input(&Path::default()), track.period),
         "time" => table(&times(track, grids.times), &time, &one),
         "time, as friction" => both(
             table(&times(track, grids.times), &time, &sign),
             table(&times(track, grids.times), &time, &|k| cells[k].v),
         ),
-        "input" => {
-            let input = track.input(&Path::default());
-            table(&grids.input, &|k| input[k], &one)
+        "travel since reversal" => memories(track, grids.travel),
+        _ => {
+            let driven = Driven {
+                input: &track.input(&Path::default()),
+                period: track.period,
+                sign: &sign,
+                time: &time,
+            };
+            driven.signals(coordinate, track, grids)
         }
-        "input, as friction" => {
-            let input = track.input(&Path::default());
-            let signed = (0..cells.len()).map(|k| sign(k) * input[k].abs());
-            vec![signed.collect()]
+    }
+}
+
+/// An input at even times, with the direction of motion and the time of each value.
+struct Driven<'a> {
+    input: &'a [f64],
+    period: f64,
+    sign: &'a dyn Fn(usize) -> f64,
+    time: &'a dyn Fn(usize) -> f64,
+}
+
+impl Driven<'_> {
+    /// The signals of one coordinate of the input.
+    fn signals(&self, coordinate: &str, track: &Track, grids: &Grids) -> Vec<Vec<f64>> {
+        let each = |f: &dyn Fn(usize, f64) -> f64| -> Vec<f64> {
+            let values = self.input.iter().enumerate();
+            values.map(|(k, u)| f(k, *u)).collect()
+        };
+        match coordinate {
+            "input, with a memory" => histories(self.input, self.period),
+            "input, as friction" => vec![each(&|k, u| (self.sign)(k) * u.abs())],
+            "input, over time" => {
+                let times = times(track, grids.times);
+                let share = |j, k| hat(&times, j, (self.time)(k));
+                let at = |j| each(&|k, u| u * share(j, k));
+                (0..times.len()).map(at).collect()
+            }
+            _ => {
+                let knots = &grids.input;
+                let at = |j| each(&|_, u| hat(knots, j, u));
+                (0..knots.len()).map(at).collect()
+            }
         }
-        _ => memories(track, grids.travel),
     }
 }
 
