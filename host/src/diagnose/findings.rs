@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::locate;
 use super::select::{self, Selected};
 use super::trial::Trial;
-use super::{Estimate, Estimates, Evidence, Finding, Rival, error, whitened};
+use super::{Estimate, Estimates, Evidence, Finding, Rival, error, tell, whitened};
 use crate::effects;
 use crate::error::Result;
 use crate::fit::{self, Fit};
@@ -14,32 +14,61 @@ use crate::model::Model;
 use crate::recording::Recording;
 use crate::system;
 
-/// The findings in order of strength with their nested fits, and the fit of the final model; that of the baseline is given.
+/// Models from the baseline to that of all findings.
+pub(super) struct Stages<'a> {
+    /// The workbench that they were found on.
+    pub bench: &'a Workbench,
+    /// Whether they are told as they were fitted.
+    pub biased: bool,
+    /// The baseline as it was fitted, with the fit of the one that is told.
+    pub baseline: (&'a Model, Fit),
+    /// The last one, as it was fitted and as it is told.
+    pub after: (&'a Model, &'a Model),
+}
+
+impl Stages<'_> {
+    /// The model with the first few findings in, as it is fitted and as it is told.
+    fn with(&self, count: usize, recordings: &[Recording]) -> Result<(Model, Model)> {
+        let (fitted, told) = self.after;
+        let terms = self.baseline.0.terms.len() + count;
+        if terms == fitted.terms.len() {
+            return Ok((fitted.clone(), told.clone()));
+        }
+        let mut stage = fitted.clone();
+        stage.terms.truncate(terms);
+        let fitted = self
+            .bench
+            .estimate(&stage)
+            .map_or(stage, |(stage, _)| stage);
+        if self.biased {
+            return Ok((fitted.clone(), fitted));
+        }
+        let told = tell(self.bench, &fitted, recordings)?;
+        Ok((fitted, told))
+    }
+}
+
+/// The findings in order of strength with their nested fits, and the fit of the final model. What rows say comes of models as they
+/// were fitted to them, all else of models as they are told.
 pub(super) fn findings(
-    bench: &Workbench,
-    (baseline, fit): (&Model, Fit),
+    stages: &Stages,
     selected: &[Selected],
-    after: &Model,
     recordings: &[Recording],
 ) -> Result<(Vec<Finding>, Fit)> {
+    let bench = stages.bench;
+    let (baseline, mut last_fit) = stages.baseline;
+    let (_, after) = stages.after;
     let first = baseline.terms.len();
     let mut findings: Vec<Finding> = Vec::new();
-    let mut last_fit = fit;
     let base_error = error(bench, baseline)?;
     let mut last_error = base_error;
     let mut last_z = whitened(bench, baseline);
     let mut last_stage = baseline.clone();
     for (k, selected) in selected.iter().enumerate() {
-        let mut stage = after.clone();
-        stage.terms.truncate(first + k + 1);
-        let stage = if k + 1 == after.terms.len() - first {
-            after.clone()
-        } else {
-            bench.estimate(&stage).map_or(stage, |(stage, _)| stage)
-        };
+        let (stage, told) = stages.with(k + 1, recordings)?;
         let z = whitened(bench, &stage);
         let now = error(bench, &stage)?;
-        last_fit = fit::judge(&stage, recordings, &bench.problem.tracks)?;
+        last_fit = fit::judge(&told, recordings, &bench.problem.tracks)?;
         let effect = selected.trial.effect;
         findings.push(Finding {
             id: effect.id(),
@@ -52,7 +81,7 @@ pub(super) fn findings(
                 delta_bic: selected.trial.delta_bic,
                 share_of_residual: (last_error - now) / base_error,
             },
-            model: estimates(&stage, None),
+            model: estimates(&told, None),
             fit: last_fit,
             rivals: rivals(bench, &last_stage, (selected, now), recordings)?,
         });

@@ -26,12 +26,12 @@ use crate::error::Result;
 use crate::fit::{self, Fit};
 use crate::format;
 use crate::identify::{Identified, Workbench};
-use crate::model::{Model, Term};
+use crate::model::{Model, Status, Term};
 use crate::recording::Recording;
 use crate::system;
 use crate::weak::Part;
 use confirm::{Confirmed, HeldOut, confirmed};
-use findings::findings;
+use findings::{Stages, findings};
 use leftover::Leftover;
 use select::{Scope, Selected, Selection};
 use sharpen::{Fast, sharpened};
@@ -153,7 +153,7 @@ fn diagnosed(
         };
         let quieter = bench.with_noise_beside(quiet)?;
         let again = self::found(&quieter, start, recordings, progress)?;
-        let error = |found: &Found| held_out(bench, &found.settled, recordings);
+        let error = |found: &Found| held_out(bench, &found.told, recordings);
         if error(&again)?.nrmse <= confirm::FREE_RUN_TOLERANCE * error(&found)?.nrmse {
             let again = concluded(&quieter, start, recordings, again, progress)?;
             if stands || again.diagnosis.verdict == Verdict::Explained {
@@ -182,11 +182,12 @@ fn concluded(
     found: Found,
     progress: &dyn Fn(&str),
 ) -> Result<Outcome> {
-    let (before, told) = (&start.fitted.model, start.told);
+    let (before, baseline) = (&start.fitted.model, start.told);
     let Found {
         selection,
         fine,
         mut settled,
+        mut told,
         ..
     } = found;
     progress("looking for what is left");
@@ -198,34 +199,36 @@ fn concluded(
         given,
         nameless,
     } = judged([bench, finer], before, selection)?;
-    let creep = take_nuisance(&mut selected, [&mut settled, &mut after], before);
+    let creep = take_nuisance(&mut selected, [&mut settled, &mut told, &mut after], before);
     let departure = confirm::departure(bench, &after);
     let departs = departure > DEPARTS && leftover::counts(bench, &after);
     progress("how certain it is");
     // Beside a nuisance that goes, the baseline is another one.
-    let after = match &creep {
-        _ if !selected.is_empty() => settled,
-        Some(_) => after,
-        None => told.model.clone(),
+    let (after, told) = match &creep {
+        _ if !selected.is_empty() => (settled, told),
+        Some(_) => (after.clone(), after),
+        None => (baseline.model.clone(), baseline.model.clone()),
     };
     // What windows of the usual width do not show is told by those that do.
     let fine = fine.filter(|_| !selected.is_empty());
     let usual = bench;
     let bench = fine.as_ref().map_or(bench, |fast| &fast.bench);
-    let from = (before, told.fit);
-    let (mut findings, after_fit) = findings(bench, from, &selected, &after, recordings)?;
+    let stages = Stages {
+        bench,
+        biased: fine.is_some(),
+        baseline: (before, baseline.fit),
+        after: (&after, &told),
+    };
+    let (mut findings, after_fit) = findings(&stages, &selected, recordings)?;
     let departs = departs && after_fit.held_out.nrmse > after_fit.train.nrmse;
-    let astray = astray(&told.fit, &after_fit);
+    let astray = astray(&baseline.fit, &after_fit);
     let doubtful = significant || nameless || departs || astray || given.is_some();
     let fit = BeforeAfter {
-        before: told.fit,
+        before: baseline.fit,
         after: after_fit,
     };
-    let excess = if doubtful {
-        None
-    } else {
-        excess(usual, &fit, &after, recordings)?
-    };
+    let excess = (!doubtful).then(|| excess(usual, &fit, &told, recordings));
+    let excess = excess.transpose()?.flatten();
     let verdict = match (doubtful || excess.is_some(), selected.is_empty()) {
         (true, _) => Verdict::Unknown,
         (false, true) => Verdict::Adequate,
@@ -259,25 +262,25 @@ fn concluded(
         text,
         warnings,
         baseline: Baseline {
-            parameters: estimates(&told.model, None),
-            fit: told.fit,
+            parameters: estimates(&baseline.model, None),
+            fit: baseline.fit,
         },
         place,
         findings,
         unexplained,
         leftover,
-        parameters: estimates(&after, None),
+        parameters: estimates(&told, None),
         fit,
         departure,
         half_width: bench.problem.half_widths().collect(),
     };
     let mut outcome = Outcome {
         diagnosis,
-        before: told.model.clone(),
-        after,
+        before: baseline.model.clone(),
+        after: told,
     };
     if selected.is_empty() {
-        outcome.tell(told);
+        outcome.tell(baseline);
     }
     Ok(outcome)
 }
@@ -315,7 +318,8 @@ fn judged(
     let significant = leftover.certain && (selected.is_empty() || !little);
     let given = given::refuted(bench, before, (base_error, remaining))?;
     let impostor = impostor(benches, &selected, &after, before)?;
-    let nameless = pieced(&selected, &leftover) || impostor.is_some();
+    let added = &after.terms[before.terms.len()..];
+    let nameless = pieced(added, leftover.certain) || impostor.is_some();
     let misnamed = given.is_some() || nameless || significant && reached < SHARE_OF_GENERIC;
     let selection = if misnamed && !selected.is_empty() {
         leftover = leftover::of(bench, before)?;
@@ -374,11 +378,11 @@ impl Excess {
     }
 }
 
-/// How many times as far as noise explains free runs go wrong in one part or the other, if that is more than [`DEPARTS`] and what was
-/// found takes less than [`SHARE_OF_GENERIC`] off their squared error there. Over a second, errors add up that a window of the weak
-/// form takes for noise, and what acts in the held-out part alone no fit has seen. Where reversals are left out that the encoder does
-/// not resolve, free runs go through them all the same, and must go wrong in both parts. Below the size of effects that are looked
-/// for, sampling and simulation may be all there is to them.
+/// How many times as far as noise explains free runs go wrong in one part or the other, if that is more than [`DEPARTS`]. Over a
+/// second, errors add up that a window of the weak form takes for noise, and what acts in the held-out part alone no fit has seen.
+/// Where what was found takes [`SHARE_OF_GENERIC`] or more off their squared error, and where reversals are left out that the encoder
+/// does not resolve, which free runs go through all the same, they must go wrong in both parts. Sampling and simulation may be all
+/// there is to errors below the size of effects that are looked for: those of the model, or where most was found, of the baseline.
 fn excess(
     bench: &Workbench,
     fit: &BeforeAfter,
@@ -390,16 +394,18 @@ fn excess(
         now.nrmse > select::SOUGHT
             && now.nrmse.powi(2) > (1.0 - SHARE_OF_GENERIC) * before.nrmse.powi(2)
     };
-    let parts = [
-        (Part::Train, left(&before.train, &now.train)),
-        (Part::HeldOut, left(&before.held_out, &now.held_out)),
+    let both = [
+        (Part::Train, &before.train, &now.train),
+        (Part::HeldOut, &before.held_out, &now.held_out),
     ];
-    let parts = parts
-        .into_iter()
-        .filter_map(|(part, left)| left.then_some(part));
-    let parts: Vec<Part> = parts.collect();
-    if parts.is_empty() {
+    let asked = both.iter().filter(|(_, before, now)| left(before, now));
+    let mut parts: Vec<Part> = asked.map(|(part, ..)| *part).collect();
+    let found_most = parts.is_empty();
+    if found_most && before.held_out.nrmse <= select::SOUGHT {
         return Ok(None);
+    }
+    if found_most {
+        parts = both.map(|(part, ..)| part).to_vec();
     }
     let own = fit::parts(after, recordings, &bench.problem.tracks)?;
     let Some(times) = bench.excess(after, recordings, (&own, &parts), DEPARTS)? else {
@@ -410,7 +416,7 @@ fn excess(
         .zip(times)
         .filter(|(_, times)| *times > DEPARTS);
     let far: Vec<(Part, f64)> = far.collect();
-    if far.len() == 1 && bench.skips_unresolved {
+    if far.len() == 1 && (found_most || bench.skips_unresolved) {
         return Ok(None);
     }
     let Some(&(part, times)) = far.iter().max_by(|a, b| a.1.total_cmp(&b.1)) else {
@@ -426,11 +432,17 @@ fn excess(
 /// What bends the curve of friction over speed.
 const CURVES: [&str; 3] = ["stribeck", "quadratic-drag", "power-law-viscous"];
 
-/// Whether effects piece a curve together that none of them is: all that bend it, or two that leave something.
-fn pieced(selected: &[Selected], leftover: &Leftover) -> bool {
-    let ids = selected.iter().map(|s| s.trial.effect.id());
-    let curves = ids.filter(|id| CURVES.contains(id)).count();
-    curves == CURVES.len() || curves > 1 && leftover.certain
+/// Whether effects piece a curve together that none of them is: all that bend it, or two that leave something or of which one is at
+/// the end of what there is of it.
+fn pieced(added: &[Term], leaves: bool) -> bool {
+    let curves = added.iter().filter(|t| CURVES.contains(&t.effect.id()));
+    let at_bound = |term: &Term| {
+        let mut parameters = term.parameters.iter();
+        parameters.any(|p| p.status == Status::AtBound)
+    };
+    let ends = curves.clone().any(at_bound);
+    let count = curves.count();
+    count == CURVES.len() || count > 1 && (leaves || ends)
 }
 
 /// Warnings of what effects of the catalogue do as well: delay, lag and inertia mismatch.
@@ -460,6 +472,8 @@ struct Found {
     fine: Option<Fast>,
     /// The model of the selection with errors that count what smoothing does.
     settled: Model,
+    /// The same as it is told.
+    told: Model,
 }
 
 /// What is found, with the encoder on the load only if that predicts better than all that is found without: in the weak form a
@@ -476,7 +490,7 @@ fn found(
         return Ok(found);
     }
     let without = search(bench, start, recordings, false, progress)?;
-    let error = |found: &Found| held_out(bench, &found.settled, recordings);
+    let error = |found: &Found| held_out(bench, &found.told, recordings);
     let predicts = error(&found)?.nrmse < sharpen::LOAD_LEAVES * error(&without)?.nrmse;
     Ok(if predicts { found } else { without })
 }
@@ -496,12 +510,11 @@ fn search(
     progress: &dyn Fn(&str),
 ) -> Result<Found> {
     let before = &start.fitted.model;
-    let refutes = |selected: &[Selected], settled: &Model| -> Result<Option<&'static str>> {
-        let itself = refuted_by_itself(bench, settled, before, recordings)?;
-        match itself {
-            None => refuted_by_runs(bench, &start.told.fit, (selected, settled), recordings),
-            itself => Ok(itself),
-        }
+    let refutes = |selected: &[Selected], settled: &Model, told: &Model| match refuted_by_itself(
+        bench, settled, before, recordings,
+    )? {
+        None => refuted_by_runs(bench, start, (selected, settled, told), recordings),
+        itself => Ok(itself),
     };
     let nothing = (Vec::new(), before.clone());
     let mut refuted: Vec<&str> = Vec::new();
@@ -518,10 +531,12 @@ fn search(
         } = confirmed(&scope, before, &nothing, recordings, progress)?;
         let evident = first.get_or_insert(evident);
         let mut settled = usual.1.clone();
+        let mut told = settled.clone();
         if !usual.0.is_empty() {
             bench.settle(&mut settled, recordings);
+            told = tell(bench, &settled, recordings)?;
         }
-        if let Some(id) = refutes(&usual.0, &settled)? {
+        if let Some(id) = refutes(&usual.0, &settled, &told)? {
             refuted.push(id);
             continue;
         }
@@ -532,7 +547,8 @@ fn search(
         let (selection, fine) = sharpened(&scope, before, usual, recordings, progress)?;
         if let Some(fast) = &fine {
             settled = fast.settle(bench, &selection.1, recordings)?;
-            if let Some(id) = refutes(&selection.0, &settled)? {
+            told = settled.clone();
+            if let Some(id) = refutes(&selection.0, &settled, &told)? {
                 refuted.push(id);
                 continue;
             }
@@ -542,6 +558,7 @@ fn search(
             evident: evident.clone(),
             fine,
             settled,
+            told,
         });
     }
 }
@@ -585,26 +602,54 @@ fn refuted_by_itself(
     Ok(None)
 }
 
-/// The last effect of a selection that makes free runs worse than those of the baseline: in the held-out part, as far as the axis
-/// moves there, by more than chance, and in the part that it was fitted to. In the weak form, what noise, filters and counts
-/// do at reversals may look like physics; free runs start anew from the measured state and go through them.
+/// A model of what was selected as `identify` tells it: fitted under noise that is told beside it, less what sensors and smoothing do
+/// to its values. As it was found, where free runs on the part that it is fitted to speak against that.
+fn tell(bench: &Workbench, found: &Model, recordings: &[Recording]) -> Result<Model> {
+    let anew = || -> Result<Model> {
+        let quiet = bench.with_noise_beside(found)?;
+        let (mut fitted, _) = quiet.estimate(found)?;
+        quiet.settle(&mut fitted, recordings);
+        Ok(quiet.without_bias(&fitted, recordings).unwrap_or(fitted))
+    };
+    let Ok(anew) = anew() else {
+        return Ok(found.clone());
+    };
+    let error = |model| fit::part(Part::Train, model, recordings, &bench.problem.tracks);
+    let worse = error(&anew)?.nrmse > confirm::FREE_RUN_TOLERANCE * error(found)?.nrmse;
+    Ok(if worse { found.clone() } else { anew })
+}
+
+/// The last effect of a selection that makes free runs worse than they are without, be it those of the baseline or of what else was
+/// selected: in the held-out part, as far as the axis moves there, by more than chance, and in the part that it was fitted to. In
+/// the weak form, what noise, filters and counts do at reversals may look like physics; free runs start anew from the measured
+/// state and go through them.
 fn refuted_by_runs(
     bench: &Workbench,
-    baseline: &Fit,
-    (selected, settled): (&[Selected], &Model),
+    start: Start,
+    (selected, settled, told): (&[Selected], &Model, &Model),
     recordings: &[Recording],
 ) -> Result<Option<&'static str>> {
-    let mut effects = selected.iter().map(|s| s.trial.effect);
-    let Some(last) = effects.rfind(|effect| !effect.nuisance()) else {
+    let named = |selected: &Selected| !selected.trial.effect.nuisance();
+    let Some(last) = selected.iter().rposition(named) else {
         return Ok(None);
     };
-    let held_out = held_out(bench, settled, recordings)?;
-    if held_out.nrmse < confirm::FREE_RUN_TOLERANCE * baseline.held_out.nrmse {
+    let without = if selected.iter().filter(|s| named(s)).count() == 1 {
+        start.told.fit
+    } else {
+        let lacking = select::without(settled, start.fitted.model.terms.len() + last);
+        let Ok((lacking, _)) = bench.estimate(&lacking) else {
+            return Ok(None);
+        };
+        let lacking = tell(bench, &lacking, recordings)?;
+        fit::judge(&lacking, recordings, &bench.problem.tracks)?
+    };
+    let held_out = held_out(bench, told, recordings)?;
+    if held_out.nrmse < confirm::FREE_RUN_TOLERANCE * without.held_out.nrmse {
         return Ok(None);
     }
-    let train = fit::part(Part::Train, settled, recordings, &bench.problem.tracks)?;
-    let worse = train.nrmse > baseline.train.nrmse && confirm::moves(&train, &held_out);
-    Ok(worse.then_some(last.id()))
+    let train = fit::part(Part::Train, told, recordings, &bench.problem.tracks)?;
+    let worse = train.nrmse > without.train.nrmse && confirm::moves(&train, &held_out);
+    Ok(worse.then(|| selected[last].trial.effect.id()))
 }
 
 /// Whether a term, or what is more to it than a part of it, halves the squared error of free runs on both parts, or is a load that the held-out rows show again.
@@ -693,13 +738,13 @@ fn impostor(
 /// Takes what is no effect of the catalogue out of a selection and its models, which stand on a baseline.
 fn take_nuisance(
     selected: &mut Vec<Selected>,
-    [settled, after]: [&mut Model; 2],
+    models: [&mut Model; 3],
     before: &Model,
 ) -> Option<Term> {
     let k = selected.iter().position(|s| s.trial.effect.nuisance())?;
     selected.remove(k);
-    settled.terms.remove(before.terms.len() + k);
-    Some(after.terms.remove(before.terms.len() + k))
+    let taken = models.map(|model| model.terms.remove(before.terms.len() + k));
+    taken.into_iter().last()
 }
 
 /// What to say of friction that the model file gives wrongly.
@@ -795,6 +840,22 @@ fn verdict_sentence(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Two laws of friction over speed are no names if they leave something, or if one is at its end.
+    #[test]
+    fn a_curve_of_two_pieces_is_neither() {
+        let text = "[plant]\nmotion = \"rotary\"\n[effects.power-law-viscous]\n[effects.quadratic-drag]\n[effects.gravity]\n";
+        let mut terms = Model::parse(text).unwrap().terms;
+        assert!(!pieced(&terms, false) && pieced(&terms, true));
+        let of = |id| terms.iter().position(|t| t.effect.id() == id);
+        let (law, gravity) = (of("power-law-viscous"), of("gravity"));
+        terms[gravity.unwrap()].parameters[0].status = Status::AtBound;
+        assert!(!pieced(&terms, false));
+        terms[law.unwrap()].parameters[1].status = Status::AtBound;
+        assert!(pieced(&terms, false));
+        terms.retain(|t| t.effect.id() != "quadratic-drag");
+        assert!(!pieced(&terms, true));
+    }
 
     /// Twice the squared error, or more than the motion and than in the training part; where the axis hardly moves, errors say
     /// nothing.

@@ -497,16 +497,22 @@ impl Workbench {
     /// All that twins do not have is noise to them, what the model leaves out among it. A model that leaves out as much as
     /// the noise is keeps what [`Workbench::fit`] found, and a diagnosis starts from that.
     pub fn unbiased(&self, found: Identified, recordings: &[Recording]) -> Result<Identified> {
-        let Some(mut model) = self.settled_on_twins(&found.model, recordings) else {
+        let Some(model) = self.without_bias(&found.model, recordings) else {
             return Ok(found);
         };
-        self.widen(&mut model, &found.model);
         let fit = fit::judge(&model, recordings, &self.problem.tracks)?;
         Ok(Identified {
             model,
             fit,
             ..found
         })
+    }
+
+    /// The model of [`Workbench::unbiased`] alone; `None` where it is what was found.
+    pub fn without_bias(&self, found: &Model, recordings: &[Recording]) -> Option<Model> {
+        let mut model = self.settled_on_twins(found, recordings)?;
+        self.widen(&mut model, found);
+        Some(model)
     }
 
     /// Gives unknown inner parameters the values that fit best, one term after the other.
