@@ -250,7 +250,12 @@ pub(super) fn halves(
 /// window, by more than chance, or by twice the squared error; of an imposed motion, which has no windows, by the tolerance alone.
 /// Where the axis hardly moves, nothing can be said. What the weak form shows again may be worse by [`BY_CHANCE`], and by any
 /// error if it predicts most windows better: where friction holds the axis or lets it go by a hair, a single one may be far off.
-fn worsens(with: &Parts, without: &Parts, causality: Causality, shows_again: bool) -> bool {
+pub(super) fn worsens(
+    with: &Parts,
+    without: &Parts,
+    causality: Causality,
+    shows_again: bool,
+) -> bool {
     let moves = moves(&with.train(), &with.held_out());
     if !moves || with.held_out().nrmse < FREE_RUN_TOLERANCE * without.held_out().nrmse {
         return false;

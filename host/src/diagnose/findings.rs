@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::locate;
 use super::select::{self, Selected};
 use super::trial::Trial;
-use super::{Estimate, Estimates, Evidence, Finding, Rival, error, tell, whitened};
+use super::{Estimate, Estimates, Evidence, Finding, Rival, error, whitened};
 use crate::effects;
 use crate::error::Result;
 use crate::fit::{self, Fit};
@@ -18,8 +18,6 @@ use crate::system;
 pub(super) struct Stages<'a> {
     /// The workbench that they were found on.
     pub bench: &'a Workbench,
-    /// Whether they are told as they were fitted.
-    pub biased: bool,
     /// The baseline as it was fitted, with the fit of the one that is told.
     pub baseline: (&'a Model, Fit),
     /// The last one, as it was fitted and as it is told.
@@ -27,24 +25,18 @@ pub(super) struct Stages<'a> {
 }
 
 impl Stages<'_> {
-    /// The model with the first few findings in, as it is fitted and as it is told.
-    fn with(&self, count: usize, recordings: &[Recording]) -> Result<(Model, Model)> {
+    /// The model with the first few findings in, as it is fitted and as it is told, which only the last one is otherwise.
+    fn with(&self, count: usize) -> (Model, Model) {
         let (fitted, told) = self.after;
         let terms = self.baseline.0.terms.len() + count;
         if terms == fitted.terms.len() {
-            return Ok((fitted.clone(), told.clone()));
+            return (fitted.clone(), told.clone());
         }
         let mut stage = fitted.clone();
         stage.terms.truncate(terms);
-        let fitted = self
-            .bench
-            .estimate(&stage)
-            .map_or(stage, |(stage, _)| stage);
-        if self.biased {
-            return Ok((fitted.clone(), fitted));
-        }
-        let told = tell(self.bench, &fitted, recordings)?;
-        Ok((fitted, told))
+        let estimated = self.bench.estimate(&stage);
+        let stage = estimated.map_or(stage, |(stage, _)| stage);
+        (stage.clone(), stage)
     }
 }
 
@@ -65,7 +57,7 @@ pub(super) fn findings(
     let mut last_z = whitened(bench, baseline);
     let mut last_stage = baseline.clone();
     for (k, selected) in selected.iter().enumerate() {
-        let (stage, told) = stages.with(k + 1, recordings)?;
+        let (stage, told) = stages.with(k + 1);
         let z = whitened(bench, &stage);
         let now = error(bench, &stage)?;
         last_fit = fit::judge(&told, recordings, &bench.problem.tracks)?;

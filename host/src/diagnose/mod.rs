@@ -215,7 +215,6 @@ fn concluded(
     let bench = fine.as_ref().map_or(bench, |fast| &fast.bench);
     let stages = Stages {
         bench,
-        biased: fine.is_some(),
         baseline: (before, baseline.fit),
         after: (&after, &told),
     };
@@ -633,22 +632,24 @@ fn refuted_by_runs(
     let Some(last) = selected.iter().rposition(named) else {
         return Ok(None);
     };
-    let without = if selected.iter().filter(|s| named(s)).count() == 1 {
-        start.told.fit
+    let runs = |model: &Model| fit::parts(model, recordings, &bench.problem.tracks);
+    let alone = selected.iter().filter(|s| named(s)).count() == 1;
+    let without = if alone {
+        runs(&start.told.model)?
     } else {
         let lacking = select::without(settled, start.fitted.model.terms.len() + last);
         let Ok((lacking, _)) = bench.estimate(&lacking) else {
             return Ok(None);
         };
-        let lacking = tell(bench, &lacking, recordings)?;
-        fit::judge(&lacking, recordings, &bench.problem.tracks)?
+        // No bias is as large.
+        if confirm::halves(bench, told, &runs(&lacking)?, recordings)? {
+            return Ok(None);
+        }
+        runs(&tell(bench, &lacking, recordings)?)?
     };
-    let held_out = held_out(bench, told, recordings)?;
-    if held_out.nrmse < confirm::FREE_RUN_TOLERANCE * without.held_out.nrmse {
-        return Ok(None);
-    }
-    let train = fit::part(Part::Train, told, recordings, &bench.problem.tracks)?;
-    let worse = train.nrmse > without.train.nrmse && confirm::moves(&train, &held_out);
+    let with = runs(told)?;
+    let worse = with.train().nrmse > without.train().nrmse
+        && confirm::worsens(&with, &without, told.causality, !alone);
     Ok(worse.then(|| selected[last].trial.effect.id()))
 }
 
