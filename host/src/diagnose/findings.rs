@@ -14,66 +14,46 @@ use crate::model::Model;
 use crate::recording::Recording;
 use crate::system;
 
-/// Models from the baseline to that of all findings.
-pub(super) struct Stages<'a> {
-    /// The workbench that they were found on.
-    pub bench: &'a Workbench,
-    /// The baseline as it was fitted, with the fit of the one that is told.
-    pub baseline: (&'a Model, Fit),
-    /// The last one, as it was fitted and as it is told.
-    pub after: (&'a Model, &'a Model),
-}
-
-impl Stages<'_> {
-    /// The model with the first few findings in, as it is fitted and as it is told, which only the last one is otherwise.
-    fn with(&self, count: usize) -> (Model, Model) {
-        let (fitted, told) = self.after;
-        let terms = self.baseline.0.terms.len() + count;
-        if terms == fitted.terms.len() {
-            return (fitted.clone(), told.clone());
-        }
-        let mut stage = fitted.clone();
-        stage.terms.truncate(terms);
-        let estimated = self.bench.estimate(&stage);
-        let stage = estimated.map_or(stage, |(stage, _)| stage);
-        (stage.clone(), stage)
-    }
-}
-
-/// The findings in order of strength with their nested fits, and the fit of the final model. What rows say comes of models as they
-/// were fitted to them, all else of models as they are told.
+/// The findings in order of strength with their nested fits, and the fit of the final model; that of the baseline is given. What rows
+/// say comes of models as they were fitted to them; of the final one, all else comes of it as it is told.
 pub(super) fn findings(
-    stages: &Stages,
+    bench: &Workbench,
+    (baseline, fit): (&Model, Fit),
     selected: &[Selected],
+    (fitted, told): (&Model, &Model),
     recordings: &[Recording],
 ) -> Result<(Vec<Finding>, Fit)> {
-    let bench = stages.bench;
-    let (baseline, mut last_fit) = stages.baseline;
-    let (_, after) = stages.after;
     let first = baseline.terms.len();
     let mut findings: Vec<Finding> = Vec::new();
+    let mut last_fit = fit;
     let base_error = error(bench, baseline)?;
     let mut last_error = base_error;
     let mut last_z = whitened(bench, baseline);
     let mut last_stage = baseline.clone();
     for (k, selected) in selected.iter().enumerate() {
-        let (stage, told) = stages.with(k + 1);
+        let last = k + 1 == fitted.terms.len() - first;
+        let mut stage = fitted.clone();
+        if !last {
+            stage.terms.truncate(first + k + 1);
+            stage = bench.estimate(&stage).map_or(stage, |(stage, _)| stage);
+        }
+        let shown = if last { told } else { &stage };
         let z = whitened(bench, &stage);
         let now = error(bench, &stage)?;
-        last_fit = fit::judge(&told, recordings, &bench.problem.tracks)?;
+        last_fit = fit::judge(shown, recordings, &bench.problem.tracks)?;
         let effect = selected.trial.effect;
         findings.push(Finding {
             id: effect.id(),
             name: effect.name(),
             confidence: confidence(selected, now),
-            text: effect.sentence(&system::values(&after.terms[first + k]), after.motion),
+            text: effect.sentence(&system::values(&told.terms[first + k]), told.motion),
             place: locate::locate(bench, &stage, &last_z, &z),
-            parameters: estimates(after, Some(first + k)),
+            parameters: estimates(told, Some(first + k)),
             evidence: Evidence {
                 delta_bic: selected.trial.delta_bic,
                 share_of_residual: (last_error - now) / base_error,
             },
-            model: estimates(&told, None),
+            model: estimates(shown, None),
             fit: last_fit,
             rivals: rivals(bench, &last_stage, (selected, now), recordings)?,
         });

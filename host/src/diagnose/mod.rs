@@ -31,7 +31,7 @@ use crate::recording::Recording;
 use crate::system;
 use crate::weak::Part;
 use confirm::{Confirmed, HeldOut, confirmed};
-use findings::{Stages, findings};
+use findings::findings;
 use leftover::Leftover;
 use select::{Scope, Selected, Selection};
 use sharpen::{Fast, sharpened};
@@ -213,12 +213,8 @@ fn concluded(
     let fine = fine.filter(|_| !selected.is_empty());
     let usual = bench;
     let bench = fine.as_ref().map_or(bench, |fast| &fast.bench);
-    let stages = Stages {
-        bench,
-        baseline: (before, baseline.fit),
-        after: (&after, &told),
-    };
-    let (mut findings, after_fit) = findings(&stages, &selected, recordings)?;
+    let from = (before, baseline.fit);
+    let (mut findings, after_fit) = findings(bench, from, &selected, (&after, &told), recordings)?;
     let departs = departs && after_fit.held_out.nrmse > after_fit.train.nrmse;
     let astray = astray(&baseline.fit, &after_fit);
     let doubtful = significant || nameless || departs || astray || given.is_some();
@@ -634,6 +630,11 @@ fn refuted_by_runs(
     };
     let runs = |model: &Model| fit::parts(model, recordings, &bench.problem.tracks);
     let alone = selected.iter().filter(|s| named(s)).count() == 1;
+    // As a rule the held-out part alone says that it is not.
+    let least = confirm::FREE_RUN_TOLERANCE * start.told.fit.held_out.nrmse;
+    if alone && held_out(bench, told, recordings)?.nrmse < least {
+        return Ok(None);
+    }
     let without = if alone {
         runs(&start.told.model)?
     } else {
