@@ -368,7 +368,7 @@ impl Axis {
         if self.errors.is_empty() {
             return measured;
         }
-        let q = effects::behind(measured.q, |q| self.error(q));
+        let q = effects::behind(measured.q, measured.q, |q| self.error(q));
         State {
             q,
             v: measured.v / (1.0 + self.error(q).1),

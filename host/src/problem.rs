@@ -491,11 +491,20 @@ impl Problem {
         [columns[0].clone(), columns[1].clone()]
     }
 
-    /// The positions of every track that are behind the measured ones if an effect of these coefficients makes an error.
+    /// The positions of every track that are behind the measured ones if an effect of these coefficients makes an error, which hardly
+    /// changes from one to the next.
     fn behind(&self, effect: &dyn Effect, coefficients: &[f64]) -> Vec<Vec<f64>> {
-        let behind = |&q: &f64| effects::behind(q, |q| effects::error(effect, coefficients, q));
-        let tracks = self.tracks.iter();
-        tracks.map(|t| t.q.iter().map(behind).collect()).collect()
+        let error = |q: f64| effects::error(effect, coefficients, q);
+        let of_track = |track: &Track| {
+            let behind = |[before, last]: &mut [f64; 2], &shown: &f64| {
+                let q = effects::behind(shown, shown - (2.0 * *last - *before), error);
+                (*before, *last) = (*last, shown - q);
+                Some(q)
+            };
+            let first = error(track.q.first().copied().unwrap_or_default()).0;
+            track.q.iter().scan([first; 2], behind).collect()
+        };
+        self.tracks.iter().map(of_track).collect()
     }
 
     /// Mean acceleration and mean velocity of a signal at the nodes of every track.

@@ -298,12 +298,12 @@ pub fn error(effect: &dyn Effect, coefficients: &[f64], q: f64) -> (f64, f64) {
 }
 
 /// Where an axis stands that a sensor shows at `shown`, if its error there, which comes with its slope, is added: by Newton's
-/// method, as slopes are above -1.
-pub fn behind(shown: f64, error: impl Fn(f64) -> (f64, f64)) -> f64 {
+/// method from a guess, as slopes are above -1.
+pub fn behind(shown: f64, guess: f64, error: impl Fn(f64) -> (f64, f64)) -> f64 {
     const ITERATIONS: usize = 30;
     /// After a step like this a next one would be as its square, which is no more than rounding.
-    const SMALL: f64 = 1e-8;
-    let mut q = shown;
+    const SMALL: f64 = 1e-7;
+    let mut q = guess;
     for _ in 0..ITERATIONS {
         let (value, slope) = error(q);
         let step = (shown - value - q) / (1.0 + slope);
