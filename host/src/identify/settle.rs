@@ -88,9 +88,10 @@ impl Workbench {
         let mut noise = self.quieter(&settled);
         let most = MOST_MISFIT * noise.law.floor();
         let mut way = Way::default();
+        let whites = self.whites(&settled, recordings, self.load_noise(&noise, &settled))?;
         for round in 0..MOST_ROUNDS {
             let load = self.load_noise(&noise, &settled);
-            let twins = self.twins(&settled, recordings, load)?;
+            let twins = self.twins(&settled, recordings, (load, &whites))?;
             let residual = less(&system::residual(&self.problem, &settled), &twins.offset);
             let unknowns = refine::free_parameters(&settled).len();
             noise = Noise::estimate(&self.problem, &residual, unknowns, &twins.blocks);
@@ -227,9 +228,14 @@ impl Workbench {
         loads.fold(f64::INFINITY, f64::min)
     }
 
-    /// Twins of the recordings under a load of some RMS; `None` where the model describes no axis that could give them.
-    fn twins(&self, model: &Model, recordings: &[Recording], load: f64) -> Option<Twins> {
-        let whites = self.whites(model, recordings, load)?;
+    /// Twins of the recordings under a load of some RMS, whose sensors add noise of others; `None` where the model describes no axis
+    /// that could give them.
+    fn twins(
+        &self,
+        model: &Model,
+        recordings: &[Recording],
+        (load, whites): (f64, &[f64]),
+    ) -> Option<Twins> {
         // The last one is the ideal one, without noise.
         let make = |draw: usize| {
             let draw = (draw < DRAWS).then(|| Draw {
@@ -239,7 +245,7 @@ impl Workbench {
                 seed: draw as u64,
                 load_seed: draw as u64 / 2,
             });
-            let problem = self.twin(model, recordings, draw, &whites)?;
+            let problem = self.twin(model, recordings, draw, whites)?;
             let residual = system::residual(&problem, model);
             Some((problem, residual))
         };
