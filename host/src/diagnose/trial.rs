@@ -170,8 +170,7 @@ impl<'a> Base<'a> {
         if self.ground.lost(term, found.inner).is_some_and(negligible) {
             return Ok(None);
         }
-        let parameters = effect.parameters().len() as f64;
-        let price = parameters * self.rows().ln() + 2.0 * (found.tried as f64).ln();
+        let price = self.ground.price(effect, found.tried);
         let before = &self.ground.score;
         let gain = Gain::of(before, &found.score);
         Ok(Some(Trial {
