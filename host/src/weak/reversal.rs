@@ -81,11 +81,7 @@ impl Reversal {
         drive: Option<&Drive>,
     ) -> Option<Self> {
         let count = nodes.len() as f64;
-        let data = Data {
-            q: &q[nodes.clone()],
-            first: nodes.start as f64,
-            scale: (0.5 * count).max(1.0),
-        };
+        let data = Data::new(q, nodes.clone());
         let (before, after) = (before as f64, after as f64);
         let driven = drive.and_then(|drive| data.search_driven(drive, direction, before, after));
         let rests = driven.is_some_and(|([halt, start], _)| start > halt);
@@ -215,15 +211,24 @@ struct Side {
 }
 
 impl Side {
-    fn add(&mut self, x: f64, q: f64) {
-        let mut power = x;
-        for (k, sum) in self.powers.iter_mut().enumerate() {
-            power *= x;
-            *sum += power;
-            if let Some(product) = self.products.get_mut(k) {
-                *product += power * q;
+    /// Sums over nodes with their distance from the rest; the highest power of a form takes the last two.
+    fn of(nodes: impl Iterator<Item = (f64, f64)>, form: Form) -> Self {
+        let mut side = Self::default();
+        for (x, q) in nodes {
+            let x2 = x * x;
+            let (x3, x4) = (x2 * x, x2 * x2);
+            let powers = [x2, x3, x4, x4 * x, x4 * x2];
+            let sums = side.powers.iter_mut().zip(powers);
+            sums.for_each(|(sum, power)| *sum += power);
+            side.products[0] += x2 * q;
+            side.products[1] += x3 * q;
+            if form.quartic {
+                side.powers[5] += x4 * x3;
+                side.powers[6] += x4 * x4;
+                side.products[2] += x4 * q;
             }
         }
+        side
     }
 
     /// Writes the normal equations of the coefficients from position `from` on.
@@ -248,38 +253,67 @@ impl Side {
 }
 
 /// Positions around one reversal.
-struct Data<'a> {
-    q: &'a [f64],
+struct Data {
+    /// Relative to the first.
+    q: Vec<f64>,
+    origin: f64,
+    /// Of the relative positions.
+    sum: f64,
+    squares: f64,
     first: f64,
     scale: f64,
 }
 
-impl Data<'_> {
+impl Data {
+    fn new(q: &[f64], nodes: Range<usize>) -> Self {
+        let (first, count) = (nodes.start as f64, nodes.len() as f64);
+        let origin = q[nodes.start];
+        let q: Vec<f64> = q[nodes].iter().map(|q| q - origin).collect();
+        Self {
+            sum: q.iter().sum(),
+            squares: q.iter().map(|q| q * q).sum(),
+            q,
+            origin,
+            first,
+            scale: (0.5 * count).max(1.0),
+        }
+    }
+
+    /// Sums over the nodes before a halt.
+    fn before(&self, form: Form, halt: f64) -> Side {
+        let nodes = self.q[..self.node(halt.ceil())].iter().enumerate();
+        let distant = nodes.map(|(k, &q)| ((halt - (self.first + k as f64)) / self.scale, q));
+        Side::of(distant, form)
+    }
+
+    /// Sums over the nodes after a start.
+    fn after(&self, form: Form, start: f64) -> Side {
+        let from = self.node(start.floor() + 1.0);
+        let nodes = (from..).zip(&self.q[from..]);
+        let distant = nodes.map(|(k, &q)| ((self.first + k as f64 - start) / self.scale, q));
+        Side::of(distant, form)
+    }
+
+    /// Position of a node among those that are fitted, or of the end that is nearest.
+    fn node(&self, instant: f64) -> usize {
+        ((instant - self.first).max(0.0) as usize).min(self.q.len())
+    }
+
     /// Least squares for given instants: coefficients and the sum of squares.
     fn solve(&self, form: Form, [halt, start]: Instants) -> Option<(Coefficients, f64)> {
-        let origin = self.q[0];
-        let (mut before, mut after) = (Side::default(), Side::default());
-        let (mut sum, mut power) = (0.0, 0.0);
-        for (k, &q) in self.q.iter().enumerate() {
-            let at = self.first + k as f64;
-            let q = q - origin;
-            sum += q;
-            power += q * q;
-            if at < halt {
-                before.add((halt - at) / self.scale, q);
-            } else if at > start {
-                after.add((at - start) / self.scale, q);
-            }
-        }
+        self.solve_sides(form, &self.before(form, halt), &self.after(form, start))
+    }
+
+    fn solve_sides(&self, form: Form, before: &Side, after: &Side) -> Option<(Coefficients, f64)> {
         let mut gram = SMatrix::<f64, 7, 7>::zeros();
         let mut right = Coefficients::zeros();
-        (gram[(0, 0)], right[0]) = (self.q.len() as f64, sum);
+        (gram[(0, 0)], right[0]) = (self.q.len() as f64, self.sum);
         // A power that is not used has a zero column; so has a side without nodes, which is refused.
         before.enter(form, 1, &mut gram, &mut right);
         after.enter(form, 4, &mut gram, &mut right);
         let mut coefficients = gram.cholesky()?.solve(&right);
-        let rss = (power - coefficients.dot(&right)).max(0.0);
-        coefficients[0] += origin;
+        let rss = (self.squares - coefficients.dot(&right)).max(0.0);
+        coefficients[0] += self.origin;
         Some((coefficients, rss))
     }
 
@@ -338,40 +372,48 @@ impl Data<'_> {
 
     /// Compass search for the instants, from the best of a grid between `before` and `after`.
     fn search(&self, form: Form, before: f64, after: f64) -> Option<(Instants, f64)> {
-        const MOVES: [Instants; 6] = [
-            [1.0, 1.0],
-            [-1.0, -1.0],
-            [1.0, 0.0],
-            [-1.0, 0.0],
-            [0.0, 1.0],
-            [0.0, -1.0],
-        ];
+        // Pairs of the instants from a step back, here and a step on.
+        const MOVES: [[usize; 2]; 6] = [[2, 2], [0, 0], [2, 1], [0, 1], [1, 2], [1, 0]];
         let moves = if form.rests { &MOVES } else { &MOVES[..2] };
-        let value = |at: Instants| {
-            let (_, rss) = (at[1] >= at[0]).then(|| self.solve(form, at)).flatten()?;
-            Some((at, rss))
-        };
-        let lowest = |points: &mut dyn Iterator<Item = Instants>| {
-            points.filter_map(value).min_by(|a, b| a.1.total_cmp(&b.1))
-        };
         let mut step = (after - before) / (GRID - 1) as f64;
-        let instant = |k: usize| before + k as f64 * step;
-        let mut pairs = (0..GRID).flat_map(|halt| {
+        let instants: Vec<f64> = (0..GRID).map(|k| before + k as f64 * step).collect();
+        let pairs = (0..GRID).flat_map(|halt| {
             let latest = if form.rests { GRID - 1 } else { halt };
-            (halt..=latest).map(move |start| [instant(halt), instant(start)])
+            (halt..=latest).map(move |start| [halt, start])
         });
-        let mut best = lowest(&mut pairs)?;
+        let pairs: Vec<[usize; 2]> = pairs.collect();
+        let mut best = self.lowest(form, [&instants, &instants], &pairs)?;
         while step > RESOLUTION {
-            let [halt, start] = best.0;
-            let mut around = moves
-                .iter()
-                .map(|m| [halt + step * m[0], start + step * m[1]]);
-            match lowest(&mut around).filter(|next| next.1 < best.1) {
+            let [halts, starts] = best.0.map(|at| [at - step, at, at + step]);
+            match self
+                .lowest(form, [&halts, &starts], moves)
+                .filter(|next| next.1 < best.1)
+            {
                 Some(next) => best = next,
                 None => step *= 0.5,
             }
         }
         Some(best)
+    }
+
+    /// The best of some pairs of halts and starts, by their places.
+    fn lowest(
+        &self,
+        form: Form,
+        [halts, starts]: [&[f64]; 2],
+        pairs: &[[usize; 2]],
+    ) -> Option<(Instants, f64)> {
+        let befores = halts.iter().map(|&halt| self.before(form, halt));
+        let afters = starts.iter().map(|&start| self.after(form, start));
+        let (befores, afters): (Vec<Side>, Vec<Side>) = (befores.collect(), afters.collect());
+        let value = |&[i, j]: &[usize; 2]| {
+            let (_, rss) = (starts[j] >= halts[i])
+                .then(|| self.solve_sides(form, &befores[i], &afters[j]))
+                .flatten()?;
+            Some(([halts[i], starts[j]], rss))
+        };
+        let values = pairs.iter().filter_map(value);
+        values.min_by(|a, b| a.1.total_cmp(&b.1))
     }
 }
 
