@@ -20,6 +20,8 @@ pub use outcome::{
     Unexplained, Verdict,
 };
 
+use std::cell::OnceCell;
+
 use crate::check::{self, Severity, Warning};
 use crate::effects::{Effect, Impostor};
 use crate::error::Result;
@@ -153,8 +155,14 @@ fn diagnosed(
         };
         let quieter = bench.with_noise_beside(quiet)?;
         let again = self::found(&quieter, start, recordings, progress)?;
-        let error = |found: &Found| held_out(bench, &found.told, recordings);
-        if error(&again)?.nrmse <= confirm::FREE_RUN_TOLERANCE * error(&found)?.nrmse {
+        // What sensors do to a model they do to another of the same effects.
+        let same = again.ids().eq(found.ids());
+        let error = |bench: &Workbench, found: &Found| {
+            let told = (!same).then(|| found.settled.told(bench, recordings));
+            let model = told.transpose()?.unwrap_or(&found.settled.model);
+            Ok(held_out(bench, model, recordings)?.nrmse)
+        };
+        if error(&quieter, &again)? <= confirm::FREE_RUN_TOLERANCE * error(bench, &found)? {
             let again = concluded(&quieter, start, recordings, again, progress)?;
             if stands || again.diagnosis.verdict == Verdict::Explained {
                 return Ok(again);
@@ -186,8 +194,7 @@ fn concluded(
     let Found {
         selection,
         fine,
-        mut settled,
-        mut told,
+        settled,
         ..
     } = found;
     progress("looking for what is left");
@@ -199,6 +206,13 @@ fn concluded(
         given,
         nameless,
     } = judged([bench, finer], before, selection)?;
+    let (mut settled, mut told) = if selected.is_empty() {
+        // Of names that do not hold nothing is told.
+        (settled.model.clone(), settled.model)
+    } else {
+        let told = settled.told(bench, recordings)?.clone();
+        (settled.model, told)
+    };
     let creep = take_nuisance(&mut selected, [&mut settled, &mut told, &mut after], before);
     let departure = confirm::departure(bench, &after);
     let departs = departure > DEPARTS && leftover::counts(bench, &after);
@@ -465,10 +479,46 @@ struct Found {
     evident: Selection,
     /// The narrower windows that fast effects were found under, if any were.
     fine: Option<Fast>,
-    /// The model of the selection with errors that count what smoothing does.
-    settled: Model,
-    /// The same as it is told.
-    told: Model,
+    settled: Settled,
+}
+
+impl Found {
+    /// Ids of what was selected.
+    fn ids(&self) -> impl Iterator<Item = &'static str> {
+        self.selection.0.iter().map(|s| s.trial.effect.id())
+    }
+}
+
+/// The model of a selection with errors that count what smoothing does, and as it is told, once that is asked for.
+struct Settled {
+    model: Model,
+    told: OnceCell<Model>,
+}
+
+impl Settled {
+    /// One that is [`tell`] to tell.
+    fn to_tell(model: Model) -> Self {
+        Self {
+            model,
+            told: OnceCell::new(),
+        }
+    }
+
+    /// One that is told as it is.
+    fn as_it_is(model: Model) -> Self {
+        Self {
+            told: model.clone().into(),
+            model,
+        }
+    }
+
+    fn told(&self, bench: &Workbench, recordings: &[Recording]) -> Result<&Model> {
+        if self.told.get().is_none() {
+            // Nobody else asks meanwhile.
+            let _ = self.told.set(tell(bench, &self.model, recordings)?);
+        }
+        Ok(self.told.get().unwrap_or(&self.model))
+    }
 }
 
 /// What is found, with the encoder on the load only if that predicts better than all that is found without: in the weak form a
@@ -480,12 +530,12 @@ fn found(
     progress: &dyn Fn(&str),
 ) -> Result<Found> {
     let found = search(bench, start, recordings, true, progress)?;
-    let mut added = found.settled.terms[start.fitted.model.terms.len()..].iter();
+    let mut added = found.settled.model.terms[start.fitted.model.terms.len()..].iter();
     if !added.any(|t| t.effect.on_load_side()) {
         return Ok(found);
     }
     let without = search(bench, start, recordings, false, progress)?;
-    let error = |found: &Found| held_out(bench, &found.told, recordings);
+    let error = |found: &Found| held_out(bench, found.settled.told(bench, recordings)?, recordings);
     let predicts = error(&found)?.nrmse < sharpen::LOAD_LEAVES * error(&without)?.nrmse;
     Ok(if predicts { found } else { without })
 }
@@ -505,10 +555,13 @@ fn search(
     progress: &dyn Fn(&str),
 ) -> Result<Found> {
     let before = &start.fitted.model;
-    let refutes = |selected: &[Selected], settled: &Model, told: &Model| match refuted_by_itself(
-        bench, settled, before, recordings,
+    let refutes = |selected: &[Selected], settled: &Settled| match refuted_by_itself(
+        bench,
+        &settled.model,
+        before,
+        recordings,
     )? {
-        None => refuted_by_runs(bench, start, (selected, settled, told), recordings),
+        None => refuted_by_runs(bench, start, (selected, settled), recordings),
         itself => Ok(itself),
     };
     let nothing = (Vec::new(), before.clone());
@@ -525,13 +578,14 @@ fn search(
             evident,
         } = confirmed(&scope, before, &nothing, recordings, progress)?;
         let evident = first.get_or_insert(evident);
-        let mut settled = usual.1.clone();
-        let mut told = settled.clone();
-        if !usual.0.is_empty() {
-            bench.settle(&mut settled, recordings);
-            told = tell(bench, &settled, recordings)?;
-        }
-        if let Some(id) = refutes(&usual.0, &settled, &told)? {
+        let mut model = usual.1.clone();
+        let mut settled = if usual.0.is_empty() {
+            Settled::as_it_is(model)
+        } else {
+            bench.settle(&mut model, recordings);
+            Settled::to_tell(model)
+        };
+        if let Some(id) = refutes(&usual.0, &settled)? {
             refuted.push(id);
             continue;
         }
@@ -541,9 +595,8 @@ fn search(
         }
         let (selection, fine) = sharpened(&scope, before, usual, recordings, progress)?;
         if let Some(fast) = &fine {
-            settled = fast.settle(bench, &selection.1, recordings)?;
-            told = settled.clone();
-            if let Some(id) = refutes(&selection.0, &settled, &told)? {
+            settled = Settled::as_it_is(fast.settle(bench, &selection.1, recordings)?);
+            if let Some(id) = refutes(&selection.0, &settled)? {
                 refuted.push(id);
                 continue;
             }
@@ -553,7 +606,6 @@ fn search(
             evident: evident.clone(),
             fine,
             settled,
-            told,
         });
     }
 }
@@ -621,7 +673,7 @@ fn tell(bench: &Workbench, found: &Model, recordings: &[Recording]) -> Result<Mo
 fn refuted_by_runs(
     bench: &Workbench,
     start: Start,
-    (selected, settled, told): (&[Selected], &Model, &Model),
+    (selected, settled): (&[Selected], &Settled),
     recordings: &[Recording],
 ) -> Result<Option<&'static str>> {
     let named = |selected: &Selected| !selected.trial.effect.nuisance();
@@ -630,15 +682,20 @@ fn refuted_by_runs(
     };
     let runs = |model: &Model| fit::parts(model, recordings, &bench.problem.tracks);
     let alone = selected.iter().filter(|s| named(s)).count() == 1;
-    // As a rule the held-out part alone says that it is not.
-    let least = confirm::FREE_RUN_TOLERANCE * start.told.fit.held_out.nrmse;
+    // As a rule the held-out part alone says that it is not, be the model told or not: no bias takes half of the squared error.
+    let before = &start.told.fit.held_out;
+    if alone && held_out(bench, &settled.model, recordings)?.halves(before) {
+        return Ok(None);
+    }
+    let told = settled.told(bench, recordings)?;
+    let least = confirm::FREE_RUN_TOLERANCE * before.nrmse;
     if alone && held_out(bench, told, recordings)?.nrmse < least {
         return Ok(None);
     }
     let without = if alone {
         runs(&start.told.model)?
     } else {
-        let lacking = select::without(settled, start.fitted.model.terms.len() + last);
+        let lacking = select::without(&settled.model, start.fitted.model.terms.len() + last);
         let Ok((lacking, _)) = bench.estimate(&lacking) else {
             return Ok(None);
         };
