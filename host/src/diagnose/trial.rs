@@ -164,7 +164,7 @@ impl<'a> Base<'a> {
     /// The same with those values that the term leaves open.
     pub fn attempt_as(&self, term: &Term) -> Result<Option<Trial>> {
         let effect = term.effect;
-        let Some(found) = self.ground.best(term)? else {
+        let Some(found) = self.ground.attempt(term)? else {
             return Ok(None);
         };
         if self.ground.lost(term, found.inner).is_some_and(negligible) {

@@ -11,9 +11,12 @@ use crate::model::{Model, Parameter, Term};
 #[derive(Default)]
 pub struct Memo(Mutex<HashMap<Key, Option<Found>>>);
 
+/// A model with one more term, and whether that was sought closely in any case.
+type Key = (Parts, bool);
+
 /// What tells one model with one more term from another: for each parameter its effect, on the load side or not, its value and
 /// whether that is given.
-type Key = Vec<(Option<(&'static str, bool)>, Option<u64>, bool)>;
+type Parts = Vec<(Option<(&'static str, bool)>, Option<u64>, bool)>;
 
 impl Memo {
     /// What was found for a term on a model, or what a search finds now.
@@ -21,9 +24,10 @@ impl Memo {
         &self,
         model: &Model,
         term: &Term,
+        closely: bool,
         search: impl FnOnce() -> Result<Option<Found>>,
     ) -> Result<Option<Found>> {
-        let key = key(model, term);
+        let key = (key(model, term), closely);
         let all = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(found) = all().get(&key) {
             return Ok(found.clone());
@@ -34,7 +38,7 @@ impl Memo {
     }
 }
 
-fn key(model: &Model, term: &Term) -> Key {
+fn key(model: &Model, term: &Term) -> Parts {
     let part = |effect, p: &Parameter| (effect, p.value.map(f64::to_bits), p.known);
     let own = [&model.inertia, &model.gain, &model.coulomb, &model.viscous];
     let own = own.into_iter().map(|p| part(None, p));

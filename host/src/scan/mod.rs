@@ -141,15 +141,25 @@ impl<'a> Ground<'a> {
     /// The best that a term can do, its unknown inner parameters free within their bounds; `None` if no value of its
     /// parameters is physical.
     pub fn best(&self, term: &Term) -> Result<Option<Found>> {
+        self.sought(term, true)
+    }
+
+    /// The same of a term that is tried: what would not pay is not sought closer than on a grid.
+    pub fn attempt(&self, term: &Term) -> Result<Option<Found>> {
+        self.sought(term, false)
+    }
+
+    fn sought(&self, term: &Term, closely: bool) -> Result<Option<Found>> {
         let search = || match term.effect.search() {
-            Search::Grid => self.on_grid(term),
+            Search::Grid => self.on_grid(term, closely),
             Search::Interval => self.in_time(term),
             Search::Line => self.on_line(term),
         };
         if self.lenient {
             return search();
         }
-        self.setting.memo.recall(&self.model, term, search)
+        let memo = self.setting.memo;
+        memo.recall(&self.model, term, closely, search)
     }
 
     /// What a term costs by the Bayesian information criterion: its parameters, and the search among so many values of the inner ones.
@@ -158,7 +168,7 @@ impl<'a> Ground<'a> {
         effect.parameters().len() as f64 * rows.ln() + 2.0 * (tried as f64).ln()
     }
 
-    fn on_grid(&self, term: &Term) -> Result<Option<Found>> {
+    fn on_grid(&self, term: &Term, closely: bool) -> Result<Option<Found>> {
         let (grid, shapes) = (
             term.effect.grid(&self.survey),
             term.effect.shapes(&self.survey),
@@ -184,7 +194,8 @@ impl<'a> Ground<'a> {
         let Some((k, mut found)) = best else {
             return Ok(None);
         };
-        if CLOSER * (self.score.chi2 - found.score.chi2) < self.price(term.effect, found.tried) {
+        let most = CLOSER * (self.score.chi2 - found.score.chi2);
+        if !closely && most < self.price(term.effect, found.tried) {
             return Ok(Some(found));
         }
         let whole = term.effect.inner().is_some_and(|k| {
