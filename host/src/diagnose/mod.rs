@@ -489,14 +489,14 @@ impl Found {
     }
 }
 
-/// The model of a selection with errors that count what smoothing does, and as it is told, once that is asked for.
+/// The model of a selection with errors that count what smoothing does, and as it is told.
 struct Settled {
     model: Model,
     told: OnceCell<Model>,
 }
 
 impl Settled {
-    /// One that is [`tell`] to tell.
+    /// One that [`tell`] tells, once that is asked for.
     fn to_tell(model: Model) -> Self {
         Self {
             model,
