@@ -202,6 +202,12 @@ fn counted(
     in_blocks(&whitened.concat(), blocks) * emphasis(problem, model)
 }
 
+/// The χ² of a model as it is, which is what [`refine`] lowers.
+pub fn chi2(problem: &Problem, model: &Model, noise: &Noise, blocks: &[Option<usize>]) -> f64 {
+    let residual = counted(problem, model, noise, blocks);
+    less_encoder(residual.norm_squared(), model, noise.encoder_energy)
+}
+
 /// The rows that have a block, of values one for each row.
 fn in_blocks(rows: &[f64], blocks: &[Option<usize>]) -> DVector<f64> {
     let counted = rows.iter().zip(blocks).filter(|(_, f)| f.is_some());

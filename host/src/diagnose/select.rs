@@ -140,7 +140,10 @@ pub(super) fn select(
             },
         };
         let id = found.trial.effect.id();
-        let Ok((found, next)) = forms::in_best(bench, &current, found) else {
+        // What rows give evidence for need not be where the whole model fits.
+        let fits = |(_, next): &(Selected, Model)| bench.chi2(next) < bench.chi2(&current);
+        let fitted = forms::in_best(bench, &current, found).ok();
+        let Some((found, next)) = fitted.filter(fits) else {
             unfit.push(id);
             continue;
         };
@@ -383,7 +386,7 @@ fn reexamine(
                 let next = with_trial_at(term, &lacking, &rival.trial);
                 if let Ok((next, _)) = scope.bench.estimate(&next)
                     && !spoils(scope, (&next, &current), recordings)?
-                    && replaces(scope, (&rival.trial, &next), (&selected[k].trial, &current))?
+                    && replaces(scope, (&rival.trial, &next), (&selected[k].trial, &current))
                 {
                     (selected[k], current) = (rival, next);
                 }
@@ -408,12 +411,9 @@ fn replaces(
     scope: &Scope,
     (rival, next): (&Trial, &Model),
     (own, current): (&Trial, &Model),
-) -> Result<bool> {
-    let criterion = |trial: &Trial, model: &Model| -> Result<f64> {
-        let base = Base::new(scope.bench, model)?;
-        Ok(base.map_or(f64::INFINITY, |base| base.score().chi2 + trial.price))
-    };
-    Ok(scope.fast || criterion(rival, next)? < criterion(own, current)?)
+) -> bool {
+    let criterion = |trial: &Trial, model: &Model| scope.bench.chi2(model) + trial.price;
+    scope.fast || criterion(rival, next) < criterion(own, current)
 }
 
 /// Whether free runs of the training part err by more than twice the squared error with a model in the place of another, beside

@@ -316,6 +316,12 @@ impl Workbench {
         })
     }
 
+    /// The χ² of an estimated model. That of a [`Ground`], whose columns follow from the numbers of the model where a gap is, is of
+    /// numbers that may be others.
+    pub fn chi2(&self, model: &Model) -> f64 {
+        refine::chi2(&self.problem, model, &self.noise, &self.blocks)
+    }
+
     /// The same with bristles from where they were found before, if they were.
     fn estimated(&self, model: &Model) -> Result<(Model, f64)> {
         let mut model = self.scan(with_starts(&self.problem, model))?;
