@@ -555,14 +555,16 @@ fn search(
     progress: &dyn Fn(&str),
 ) -> Result<Found> {
     let before = &start.fitted.model;
-    let refutes = |selected: &[Selected], settled: &Settled| match refuted_by_itself(
-        bench,
-        &settled.model,
-        before,
-        recordings,
-    )? {
-        None => refuted_by_runs(bench, start, (selected, settled), recordings),
-        itself => Ok(itself),
+    let itself = |model: &Model| refuted_by_itself(bench, model, before, recordings);
+    let refutes = |selected: &[Selected], settled: &Settled| {
+        if let Some(id) = itself(&settled.model)? {
+            return Ok(Some(id));
+        }
+        match refuted_by_runs(bench, start, (selected, settled), recordings)? {
+            // Told, it may err by more.
+            None => itself(settled.told(bench, recordings)?),
+            runs => Ok(runs),
+        }
     };
     let nothing = (Vec::new(), before.clone());
     let mut refuted: Vec<&str> = Vec::new();
