@@ -729,6 +729,42 @@ fn what_the_encoder_does_not_resolve_is_not_named() {
     }
 }
 
+/// Where a noisy velocity is all that is measured, nothing else says when a slow axis halts: through the narrow filter that positions
+/// get, noise passed for motion, and clean axes were unknown.
+#[test]
+fn a_noisy_velocity_tells_when_an_axis_halts() {
+    const TRUTH: &str = "[plant]\nmotion = \"rotary\"\ninertia = 0.0091\n[friction]\nmodel = \"coulomb-viscous\"\ncoulomb = 0.101\nviscous = 0.0257\n";
+    for seed in [1, 3, 5] {
+        let folder = Folder::new();
+        folder.write("truth.toml", TRUTH);
+        folder.done(&format!(
+            "simulate --model truth.toml --excite chirp --amplitude 0.55 --band 0.2:12 --duration 18 --rate 2500 --counts 100000000 --noise 0 --seed {seed} --out run.csv"
+        ));
+        let written = folder.read("run.csv");
+        let rows: Vec<Vec<f64>> = (written.lines().skip(1))
+            .map(|line| {
+                line.split(',')
+                    .map(|x| x.parse().expect("a number"))
+                    .collect()
+            })
+            .collect();
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        // Of unit variance.
+        let mut noise = || 3f64.sqrt() * rng.random_range(-1.0..=1.0);
+        let mut seen = "t[s],u[N*m],v[rad/s]\n".to_owned();
+        for rows in rows.windows(3) {
+            let velocity = (rows[2][2] - rows[0][2]) / (rows[2][0] - rows[0][0]);
+            let (u, v) = (rows[1][1] + 0.0075 * noise(), velocity + 0.023 * noise());
+            seen += &format!("{},{u},{v}\n", rows[1][0]);
+        }
+        folder.write("seen.csv", &seen);
+        folder.write("axis.toml", BASELINE);
+        folder.done("diagnose seen.csv --model axis.toml --json out.json");
+        let json = folder.json("out.json");
+        assert_eq!(json["verdict"], "adequate", "seed {seed}: {}", json["text"]);
+    }
+}
+
 /// Positions of a simulator without noise stay exactly the same at rest, but what a filter makes of them is rounded: the last
 /// digit was taken for motion, and friction for none.
 #[test]

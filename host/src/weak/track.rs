@@ -70,7 +70,7 @@ impl Smoothing {
         let period = tracks.first()?.period;
         let squares = tracks.iter().flat_map(|t| &t.v).map(|v| v * v).sum::<f64>();
         let nodes = tracks.iter().map(|t| t.v.len()).sum::<usize>();
-        let limit = VELOCITY_NOISE * (squares / nodes as f64).sqrt();
+        let limit = tolerated(velocity_only) * (squares / nodes as f64).sqrt();
         let most = (WIDEST_FILTER / period) as usize;
         let quiet = |half: &usize| {
             position_noise * gain(&Differentiator::new(*half), velocity_only) / period <= limit
@@ -94,6 +94,15 @@ fn gain(filter: &Differentiator, velocity_only: bool) -> f64 {
         filter.summed_noise_gain()
     } else {
         filter.noise_gain()
+    }
+}
+
+/// Velocity noise that a filter may leave, as a share of the RMS speed.
+fn tolerated(velocity_only: bool) -> f64 {
+    if velocity_only {
+        VELOCITY_NOISE_ALONE
+    } else {
+        VELOCITY_NOISE
     }
 }
 
@@ -123,6 +132,9 @@ const WIDEST_FILTER: f64 = 0.05;
 /// Velocity noise that a filter may leave, as a share of the RMS speed. Half a percent keeps the error of a
 /// quadratic regressor at a percent, below the smallest effects that are looked for.
 const VELOCITY_NOISE: f64 = 0.005;
+/// The same of a measured velocity, whose integral wanders at rest where positions stay: nothing else says when a slow axis halts
+/// and which way it moves. Speeds within [`SLOW`] times as much are of unknown direction.
+const VELOCITY_NOISE_ALONE: f64 = 0.002;
 /// Velocities within this many standard deviations of zero have no certain direction.
 const SLOW: f64 = 3.0;
 /// Travel of this many standard deviations of the position noise is certain: more than one step of a quantiser.
@@ -351,7 +363,9 @@ impl Track {
             let gain = gain(&filter, velocity_only);
             self.velocity_noise = self.position_noise * gain / self.period;
             let power = self.v.iter().map(|v| v * v).sum::<f64>() / self.v.len() as f64;
-            if self.velocity_noise <= VELOCITY_NOISE * power.sqrt() || filters.peek().is_none() {
+            if self.velocity_noise <= tolerated(velocity_only) * power.sqrt()
+                || filters.peek().is_none()
+            {
                 return filter;
             }
         }
