@@ -751,13 +751,14 @@ fn a_noisy_velocity_tells_when_an_axis_halts() {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         // Of unit variance.
         let mut noise = || 3f64.sqrt() * rng.random_range(-1.0..=1.0);
-        let mut seen = "t[s],u[N*m],v[rad/s]\n".to_owned();
-        for rows in rows.windows(3) {
+        let sensed = rows.windows(3).map(|rows| {
             let velocity = (rows[2][2] - rows[0][2]) / (rows[2][0] - rows[0][0]);
             let (u, v) = (rows[1][1] + 0.0075 * noise(), velocity + 0.023 * noise());
-            seen += &format!("{},{u},{v}\n", rows[1][0]);
-        }
-        folder.write("seen.csv", &seen);
+            format!("{},{u},{v}", rows[1][0])
+        });
+        let header = "t[s],u[N*m],v[rad/s]".to_owned();
+        let seen: Vec<String> = [header].into_iter().chain(sensed).collect();
+        folder.write("seen.csv", seen.join("\n"));
         folder.write("axis.toml", BASELINE);
         folder.done("diagnose seen.csv --model axis.toml --json out.json");
         let json = folder.json("out.json");
