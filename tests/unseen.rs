@@ -892,9 +892,9 @@ fn a_few_jams_are_no_noise() {
     assert_eq!(json["findings"], serde_json::json!([]));
 }
 
-/// Two jams of a tenth of a second are lost in the noise of the rows, but not in where the axis is a second later.
+/// Two jams of a tenth of a second are outliers to every fit.
 #[test]
-fn short_jams_show_in_free_runs() {
+fn short_jams_are_blows() {
     let unknown_with_jams_at = |jams: &[f64]| {
         let jammed = |t: f64| jams.iter().any(|jam| t > *jam && t < jam + 0.1);
         let jam = |v: f64| 0.3 * (v / 0.002_f64).tanh();
@@ -905,13 +905,38 @@ fn short_jams_show_in_free_runs() {
         json["text"].as_str().expect("a sentence").to_owned()
     };
     let text = unknown_with_jams_at(&[9.0, 20.0]);
-    assert!(text.contains("free runs of 1 s"), "{text}");
+    assert!(text.contains("short blows"), "{text}");
     // One that no fit has seen.
     let text = unknown_with_jams_at(&[20.0]);
     assert!(
         text.contains("last 30 %") && text.contains("19.8 to 20.8 s"),
         "{text}"
     );
+}
+
+/// A stop that the axis runs into three times. Fits take the blows for outliers, and the rest agrees with the model.
+#[test]
+fn an_end_stop_is_no_noise() {
+    let wave = |hertz: f64, t: f64| (TAU * hertz * t).sin();
+    let further = |t: f64| {
+        let bumps = [4.2, 9.8, 14.1].map(|at| (-((t - at) / 0.3_f64).powi(2)).exp());
+        bumps.iter().sum::<f64>()
+    };
+    for (stop, far) in [(2.0, 2.0), (2.2, 2.0), (1.8, 1.0), (2.2, 1.0), (2.0, 0.7)] {
+        let reference = |t| 1.2 * wave(0.31, t) + 0.5 * wave(0.83, t) + far * further(t);
+        let stopped = |_, State { q, v, .. }: State, u: f64| {
+            let pushes = (40.0 * (q - stop) + 0.2 * v).max(0.0);
+            if q > stop { u - pushes } else { u }
+        };
+        let json = diagnosed_following(reference, |_| PLAIN, stopped);
+        let text = json["text"].as_str().expect("a sentence");
+        assert!(text.contains("short blows"), "{text}");
+        assert_eq!(unknown(&json), "position", "{text}");
+        assert_eq!(json["findings"], serde_json::json!([]));
+        let place = &json["where"]["position"];
+        let [low, high] = [0, 1].map(|k| place[k].as_f64().expect("a number"));
+        assert!(low > stop && high < stop + 0.2, "{text}");
+    }
 }
 
 /// A cable chain pulls as a spring does whose fixed end gives way after some travel and slides along. A spring took most of the

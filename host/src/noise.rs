@@ -217,6 +217,14 @@ impl Law {
         self.floor
     }
 
+    /// The residual of those rows of a problem that are beyond [`WINSOR`] standard deviations, outliers to every fit; 0 in the others.
+    pub fn outliers(&self, problem: &Problem, residual: &[f64]) -> Vec<f64> {
+        let sigma = self.sigma(&reversal_weights(problem));
+        let rows = residual.iter().zip(sigma);
+        rows.map(|(r, s)| if r.abs() > WINSOR * s { *r } else { 0.0 })
+            .collect()
+    }
+
     fn sigma(&self, reversals: &[f64]) -> Vec<f64> {
         let sigma = |r: &f64| (self.floor + self.reversal * r).sqrt().max(1e-300);
         reversals.iter().map(sigma).collect()

@@ -254,7 +254,7 @@ fn smallest(bench: &Workbench) -> f64 {
 }
 
 /// RMS of a residual torque over the RMS of the driving torque, both averaged by the test functions.
-fn relative(bench: &Workbench, model: &Model, residual: &[f64]) -> f64 {
+pub(super) fn relative(bench: &Workbench, model: &Model, residual: &[f64]) -> f64 {
     let rms = |x: &[f64]| (x.iter().map(|x| x * x).sum::<f64>() / x.len().max(1) as f64).sqrt();
     let scale = system::torque_scale(&bench.problem, model).abs();
     let drive = model.gain.value.unwrap_or(1.0).abs() * rms(&bench.problem.input(&Path::default()));

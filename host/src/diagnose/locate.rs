@@ -33,6 +33,8 @@ impl Where {
     pub const SHARE: f64 = 0.8;
 }
 
+/// Rows are divided into this many cells along a coordinate.
+const CELLS: usize = 20;
 /// Time is divided into this many blocks.
 const BLOCKS: usize = 40;
 
@@ -46,25 +48,44 @@ struct Place {
     excess: f64,
 }
 
+/// The coordinate on which it depends most which rows are not 0: the one along which they are the furthest from being spread like all
+/// rows, by their divergence (Kullback and Leibler, Annals of Mathematical Statistics 22, 1951) over cells of equally many rows.
+/// Each counts alike, for the largest of a few is at one place of every coordinate.
+pub(super) fn coordinate(bench: &Workbench, rows: &[f64]) -> &'static str {
+    let marks: Vec<f64> = rows.iter().map(|r| f64::from(*r != 0.0)).collect();
+    let places = places(bench, &marks, &vec![0.0; rows.len()]);
+    // Of equals the last one: the input may but answer what happens at a place.
+    let divergences = [
+        ("time", divergence(&places, |p| p.time)),
+        ("input", divergence(&places, |p| p.input)),
+        ("velocity", divergence(&places, |p| p.velocity)),
+        ("position", divergence(&places, |p| p.position)),
+    ];
+    let furthest = divergences.into_iter().max_by(|a, b| a.1.total_cmp(&b.1));
+    furthest.map_or("time", |(name, _)| name)
+}
+
+/// How far the excess is from being spread like rows.
+fn divergence(places: &[Place], coordinate: fn(&Place) -> f64) -> f64 {
+    let mut sorted: Vec<(f64, f64)> = places.iter().map(|p| (coordinate(p), p.excess)).collect();
+    sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let total: f64 = places.iter().map(|p| p.excess).sum();
+    let cells = sorted.chunks(sorted.len().div_ceil(CELLS));
+    let parts = cells.map(|cell| {
+        let share = cell.iter().map(|(_, excess)| excess).sum::<f64>() / total;
+        let expected = cell.len() as f64 / sorted.len() as f64;
+        if share > 0.0 {
+            share * (share / expected).ln()
+        } else {
+            0.0
+        }
+    });
+    parts.sum()
+}
+
 /// Locates the excess of squared whitened residuals `before` over `after`, both one for each row.
 pub(super) fn locate(bench: &Workbench, model: &Model, before: &[f64], after: &[f64]) -> Where {
-    let problem = &bench.problem;
-    let velocity = problem.velocity(&Path::default());
-    let sign = problem.coulomb(&Direction::default(), &Path::default());
-    let input = problem.input(&Path::default());
-    let places: Vec<Place> = (0..problem.rows.len())
-        .map(|k| {
-            let row = problem.rows[k];
-            Place {
-                time: problem.time(row),
-                velocity: velocity[k],
-                position: problem.tracks[row.track].q[row.centre],
-                input: input[k],
-                reversal: sign[k].abs() < 0.98,
-                excess: before[k] * before[k] - after[k] * after[k],
-            }
-        })
-        .collect();
+    let places = places(bench, before, after);
     let total: f64 = places
         .iter()
         .map(|p| p.excess.max(0.0))
@@ -98,6 +119,26 @@ pub(super) fn locate(bench: &Workbench, model: &Model, before: &[f64], after: &[
     };
     found.text = sentence(&found, model, &places);
     found
+}
+
+/// Where rows are, with the excess of their squares `before` over `after`.
+fn places(bench: &Workbench, before: &[f64], after: &[f64]) -> Vec<Place> {
+    let problem = &bench.problem;
+    let velocity = problem.velocity(&Path::default());
+    let sign = problem.coulomb(&Direction::default(), &Path::default());
+    let input = problem.input(&Path::default());
+    let place = |k: usize| {
+        let row = problem.rows[k];
+        Place {
+            time: problem.time(row),
+            velocity: velocity[k],
+            position: problem.tracks[row.track].q[row.centre],
+            input: input[k],
+            reversal: sign[k].abs() < 0.98,
+            excess: before[k] * before[k] - after[k] * after[k],
+        }
+    };
+    (0..problem.rows.len()).map(place).collect()
 }
 
 /// Narrowest interval of a coordinate that holds the given share of the excess.

@@ -1,5 +1,6 @@
 //! Diagnosis: where a model and its recordings part, what was left out, and the proof that adding it helps.
 
+mod beyond;
 mod confirm;
 mod findings;
 mod forms;
@@ -32,6 +33,7 @@ use crate::model::{Model, Status, Term};
 use crate::recording::Recording;
 use crate::system;
 use crate::weak::Part;
+use beyond::Beyond;
 use confirm::{Confirmed, HeldOut, confirmed};
 use findings::findings;
 use leftover::Leftover;
@@ -201,7 +203,7 @@ fn concluded(
     let finer = fine.as_ref().map_or(bench, |fast| &fast.bench);
     let Judged {
         selection: (mut selected, mut after),
-        leftover,
+        mut leftover,
         significant,
         given,
         nameless,
@@ -236,13 +238,11 @@ fn concluded(
         before: baseline.fit,
         after: after_fit,
     };
-    let excess = (!doubtful).then(|| excess(usual, &fit, &told, recordings));
-    let excess = excess.transpose()?.flatten();
-    let verdict = match (doubtful || excess.is_some(), selected.is_empty()) {
-        (true, _) => Verdict::Unknown,
-        (false, true) => Verdict::Adequate,
-        (false, false) => Verdict::Explained,
-    };
+    let named = !selected.is_empty();
+    let noise = || Beyond::noise(usual, &fit, &told, (recordings, named));
+    let beyond = (!doubtful).then(noise).transpose()?.flatten();
+    beyond.iter().for_each(|b| b.shows_in(&mut leftover));
+    let verdict = Verdict::of(doubtful || beyond.is_some(), named);
     let mut warnings = check::warnings(bench, before, recordings);
     warnings.retain(|w| w.id != SHIFTED || shifted(verdict, &findings));
     warnings.extend(creep.map(|term| check::creeps(&term, after.motion)));
@@ -253,16 +253,19 @@ fn concluded(
             .for_each(|f| f.confidence *= BESIDE_UNKNOWN);
     }
     // What acts in the held-out part alone the rest cannot tell.
-    let early = excess.as_ref().is_some_and(|excess| !excess.late);
+    let early = beyond.as_ref().is_some_and(|beyond| !beyond.is_late());
     let certain = leftover.certain || early && leftover.gain > 0.0;
     let leftover = unexplained(&leftover);
     let remains = certain.then_some(&leftover);
     let unexplained = remains.filter(|_| verdict == Verdict::Unknown).cloned();
-    let place = place(bench, before, (!selected.is_empty()).then_some(&after));
+    let place = match beyond.as_ref().and_then(Beyond::place) {
+        Some(place) => place.clone(),
+        None => place(bench, before, named.then_some(&after)),
+    };
     let text = match given {
         Some(given) => given_sentence(&given),
         None if departs && remains.is_none() => departure_sentence(&when(bench, &after), &findings),
-        None if let Some(excess) = excess => excess.sentence(&findings, remains),
+        None if let Some(beyond) = beyond => beyond.sentence(&findings, remains),
         None => verdict_sentence(verdict, &findings, remains, &warnings),
     };
     let diagnosis = Diagnosis {
@@ -358,84 +361,6 @@ fn astray(before: &Fit, after: &Fit) -> bool {
     let nothing = held_out.nrmse > 1.0 && held_out.rmse > train.rmse;
     let lost = nothing || before.held_out.halves(held_out);
     hopeless || worse || lost && confirm::moves(train, held_out)
-}
-
-/// Free runs that go wrong further than noise explains.
-struct Excess {
-    /// How many times as far.
-    times: f64,
-    /// Whether they do in the held-out part alone.
-    late: bool,
-    /// When they go wrong most.
-    when: String,
-}
-
-impl Excess {
-    fn sentence(&self, findings: &[Finding], remains: Option<&Unexplained>) -> String {
-        let Self { times, late, when } = self;
-        if *late {
-            return departure_sentence(when, findings);
-        }
-        let even = even_with(findings);
-        let depends = remains.and_then(|rest| rest.coordinates.first());
-        let depends = depends.map_or_else(String::new, |(coordinate, _)| {
-            format!("; if anything, it depends on {coordinate}")
-        });
-        format!(
-            "Something is left out{even}: free runs of 1 s go wrong {times:.1} times as far as the noise of the recording explains. It is too rare or too slow to be told from noise otherwise{depends}. Look at {when}, where they go wrong most."
-        )
-    }
-}
-
-/// How many times as far as noise explains free runs go wrong in one part or the other, if that is more than [`DEPARTS`]. Over a
-/// second, errors add up that a window of the weak form takes for noise, and what acts in the held-out part alone no fit has seen.
-/// Where what was found takes [`SHARE_OF_GENERIC`] or more off their squared error, and where reversals are left out that the encoder
-/// does not resolve, which free runs go through all the same, they must go wrong in both parts. Sampling and simulation may be all
-/// there is to errors below the size of effects that are looked for: those of the model, or where most was found, of the baseline.
-fn excess(
-    bench: &Workbench,
-    fit: &BeforeAfter,
-    after: &Model,
-    recordings: &[Recording],
-) -> Result<Option<Excess>> {
-    let (before, now) = (&fit.before, &fit.after);
-    let left = |before: &fit::Error, now: &fit::Error| {
-        now.nrmse > select::SOUGHT
-            && now.nrmse.powi(2) > (1.0 - SHARE_OF_GENERIC) * before.nrmse.powi(2)
-    };
-    let both = [
-        (Part::Train, &before.train, &now.train),
-        (Part::HeldOut, &before.held_out, &now.held_out),
-    ];
-    let asked = both.iter().filter(|(_, before, now)| left(before, now));
-    let mut parts: Vec<Part> = asked.map(|(part, ..)| *part).collect();
-    let found_most = parts.is_empty();
-    if found_most && before.held_out.nrmse <= select::SOUGHT {
-        return Ok(None);
-    }
-    if found_most {
-        parts = both.map(|(part, ..)| part).to_vec();
-    }
-    let own = fit::parts(after, recordings, &bench.problem.tracks)?;
-    let Some(times) = bench.excess(after, recordings, (&own, &parts), DEPARTS)? else {
-        return Ok(None);
-    };
-    let far = parts
-        .into_iter()
-        .zip(times)
-        .filter(|(_, times)| *times > DEPARTS);
-    let far: Vec<(Part, f64)> = far.collect();
-    if far.len() == 1 && (found_most || bench.skips_unresolved) {
-        return Ok(None);
-    }
-    let Some(&(part, times)) = far.iter().max_by(|a, b| a.1.total_cmp(&b.1)) else {
-        return Ok(None);
-    };
-    Ok(Some(Excess {
-        times,
-        late: far.iter().all(|(part, _)| *part == Part::HeldOut),
-        when: spanned(&own.worst(part, recordings)),
-    }))
 }
 
 /// What bends the curve of friction over speed.

@@ -45,6 +45,17 @@ pub enum Verdict {
     Unknown,
 }
 
+impl Verdict {
+    /// That of a mismatch that stays or not, with names or without.
+    pub(super) fn of(stays: bool, named: bool) -> Self {
+        match (stays, named) {
+            (true, _) => Self::Unknown,
+            (false, false) => Self::Adequate,
+            (false, true) => Self::Explained,
+        }
+    }
+}
+
 /// The baseline and how it predicts.
 #[derive(Clone, Debug, Serialize)]
 pub struct Baseline {

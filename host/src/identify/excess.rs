@@ -1,16 +1,22 @@
-//! How much further than noise explains free runs of a model go wrong.
+//! How much further than noise explains free runs of a model go wrong, and how much larger than it explains outliers are.
 
 use super::Workbench;
+use super::settle::common;
 use super::twin::Draw;
 use crate::error::Result;
 use crate::fit::{self, Parts};
 use crate::model::{Causality, Model};
+use crate::problem::Problem;
 use crate::recording::Recording;
-use crate::weak::Part;
+use crate::system;
+use crate::weak::{Part, Track};
 
-/// Twins that free runs are held against: were the model all there is, these would be seven of a kind, and the recordings those
+/// Twins that recordings are held against: were the model all there is, these would be seven of a kind, and the recordings those
 /// that err most in a part by chance in one of seven cases; by twice as much in far fewer.
 const TWINS: u64 = 6;
+
+/// Twins of recordings with their tracks; `None` where the model describes no axis that could give them.
+type Twins<'a> = Box<dyn Iterator<Item = Option<(Vec<Recording>, Vec<Track>)>> + 'a>;
 
 impl Workbench {
     /// How many times as far a model's `own` free runs err, in each of the given parts, as on that twin of its recordings on which they
@@ -26,23 +32,12 @@ impl Workbench {
         (own, parts): (&Parts, &[Part]),
         enough: f64,
     ) -> Result<Option<Vec<f64>>> {
-        if model.causality == Causality::Inverse {
-            return Ok(None);
-        }
-        let load = self.load_noise(&self.noise, model);
-        let Some(whites) = self.whites(model, recordings, load) else {
+        let Some(twins) = self.disturbed(model, recordings) else {
             return Ok(None);
         };
         let mut excess = vec![f64::INFINITY; parts.len()];
-        for number in 0..TWINS {
-            let draw = Draw {
-                at: (number as f64 + 0.5) / TWINS as f64,
-                white: 0.0,
-                load,
-                seed: number,
-                load_seed: number,
-            };
-            let Some((seen, tracks)) = self.seen(model, recordings, Some(draw), &whites) else {
+        for twin in twins {
+            let Some((seen, tracks)) = twin else {
                 return Ok(None);
             };
             let twins = fit::parts(model, &seen, &tracks)?;
@@ -55,5 +50,67 @@ impl Workbench {
             }
         }
         Ok(Some(excess))
+    }
+
+    /// What a model leaves of each row that every fit takes for an outlier of this workbench's noise; 0 for the others.
+    pub(crate) fn outliers(&self, model: &Model) -> Vec<f64> {
+        self.outliers_of(&self.problem, model)
+    }
+
+    /// How many times as large these are, by their RMS over the rows of each list of parts, as on that twin of the recordings on which
+    /// they are largest in the same rows. Twins, and where there are none: as for [`Self::excess`].
+    pub(crate) fn outlying<const N: usize>(
+        &self,
+        model: &Model,
+        recordings: &[Recording],
+        parts: [&[Part]; N],
+    ) -> Option<[f64; N]> {
+        let rows = &self.problem.rows;
+        let size = |outliers: &[f64], parts: &[Part]| {
+            let rows = outliers.iter().zip(rows);
+            let squares = rows.filter(|(_, row)| parts.contains(&row.part));
+            squares.map(|(r, _)| r * r).sum::<f64>().sqrt()
+        };
+        let own = self.outliers(model);
+        let reaches: Vec<usize> = self.problem.windows.iter().map(|w| w.reach).collect();
+        let (motion, response) = (self.problem.motion, self.problem.response);
+        let mut times = [f64::INFINITY; N];
+        for twin in self.disturbed(model, recordings)? {
+            let problem = Problem::new(twin?.1, &reaches, motion, response);
+            let all = self.outliers_of(&problem, model);
+            let mut here = vec![0.0; rows.len()];
+            for (k, other) in common(rows, &problem.rows) {
+                here[k] = all[other];
+            }
+            for (times, parts) in times.iter_mut().zip(parts) {
+                let twin = size(&here, parts).max(f64::MIN_POSITIVE);
+                *times = times.min(size(&own, parts) / twin);
+            }
+        }
+        Some(times)
+    }
+
+    fn outliers_of(&self, problem: &Problem, model: &Model) -> Vec<f64> {
+        let residual = system::residual(problem, model);
+        self.noise.law.outliers(problem, &residual)
+    }
+
+    /// The twins of recordings that these are held against, each made when it is asked for.
+    fn disturbed<'a>(&'a self, model: &'a Model, recordings: &'a [Recording]) -> Option<Twins<'a>> {
+        if model.causality == Causality::Inverse {
+            return None;
+        }
+        let load = self.load_noise(&self.noise, model);
+        let whites = self.whites(model, recordings, load)?;
+        Some(Box::new((0..TWINS).map(move |number| {
+            let draw = Draw {
+                at: (number as f64 + 0.5) / TWINS as f64,
+                white: 0.0,
+                load,
+                seed: number,
+                load_seed: number,
+            };
+            self.seen(model, recordings, Some(draw), &whites)
+        })))
     }
 }

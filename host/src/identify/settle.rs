@@ -346,7 +346,10 @@ fn less(rows: &[f64], offset: &[f64]) -> Vec<f64> {
 }
 
 /// Positions of the windows that two sets of rows have in common.
-fn common<'a>(here: &'a [Row], there: &'a [Row]) -> impl Iterator<Item = (usize, usize)> + 'a {
+pub(super) fn common<'a>(
+    here: &'a [Row],
+    there: &'a [Row],
+) -> impl Iterator<Item = (usize, usize)> + 'a {
     let key = |row: &Row| (row.track, row.centre);
     let mut other = 0;
     here.iter().enumerate().filter_map(move |(k, row)| {
