@@ -25,14 +25,15 @@ pub(super) enum Beyond {
 }
 
 impl Beyond {
-    /// What a model, beside what was `named` or not, leaves beyond noise, if it leaves anything.
+    /// What a model leaves beyond noise, if it leaves anything: as it was `fitted` to rows, with any nuisance in, and as it is told,
+    /// beside what was `named` or not.
     pub fn noise(
         bench: &Workbench,
         fit: &BeforeAfter,
-        after: &Model,
+        (fitted, after): (&Model, &Model),
         (recordings, named): (&[Recording], bool),
     ) -> Result<Option<Self>> {
-        if let Some(blows) = blows(bench, after, recordings, named) {
+        if let Some(blows) = blows(bench, (fitted, after), recordings, named) {
             return Ok(Some(Self::Blows(blows)));
         }
         Ok(runs(bench, fit, after, recordings)?.map(Self::Runs))
@@ -109,9 +110,15 @@ impl Blows {
 
 /// The outliers of a model, if they are as large as effects that are looked for and more than [`DEPARTS`] times as large as on any twin
 /// of the recordings. Who touches the axis strikes it, too: beside what was `named` they must come in both parts.
-fn blows(bench: &Workbench, model: &Model, recordings: &[Recording], named: bool) -> Option<Blows> {
-    let outliers = bench.outliers(model);
-    let size = leftover::relative(bench, model, &outliers);
+fn blows(
+    bench: &Workbench,
+    (fitted, after): (&Model, &Model),
+    recordings: &[Recording],
+    named: bool,
+) -> Option<Blows> {
+    let residual = system::residual(&bench.problem, fitted);
+    let outliers = bench.noise.law.outliers(&bench.problem, &residual);
+    let size = leftover::relative(bench, fitted, &outliers);
     if size < SOUGHT {
         return None;
     }
@@ -120,16 +127,16 @@ fn blows(bench: &Workbench, model: &Model, recordings: &[Recording], named: bool
         &[Part::Train],
         &[Part::HeldOut],
     ];
-    let [all, train, held_out] = bench.outlying(model, recordings, parts)?;
+    let [all, train, held_out] = bench.outlying(&outliers, after, recordings, parts)?;
     let times = if named { train.min(held_out) } else { all };
-    let left = leftover::relative(bench, model, &system::residual(&bench.problem, model));
+    let left = leftover::relative(bench, fitted, &residual);
     (times > DEPARTS).then(|| Blows {
         size,
         share: (size / left).powi(2),
         times,
         late: train <= DEPARTS,
         coordinate: locate::coordinate(bench, &outliers),
-        place: locate::locate(bench, model, &outliers, &vec![0.0; outliers.len()]),
+        place: locate::locate(bench, fitted, &outliers, &vec![0.0; outliers.len()]),
     })
 }
 

@@ -215,6 +215,7 @@ fn concluded(
         let told = settled.told(bench, recordings)?.clone();
         (settled.model, told)
     };
+    let fitted = after.clone();
     let creep = take_nuisance(&mut selected, [&mut settled, &mut told, &mut after], before);
     let departure = confirm::departure(bench, &after);
     let departs = departure > DEPARTS && leftover::counts(bench, &after);
@@ -239,7 +240,7 @@ fn concluded(
         after: after_fit,
     };
     let named = !selected.is_empty();
-    let noise = || Beyond::noise(usual, &fit, &told, (recordings, named));
+    let noise = || Beyond::noise(usual, &fit, (&fitted, &told), (recordings, named));
     let beyond = (!doubtful).then(noise).transpose()?.flatten();
     beyond.iter().for_each(|b| b.shows_in(&mut leftover));
     let verdict = Verdict::of(doubtful || beyond.is_some(), named);

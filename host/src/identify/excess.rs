@@ -52,15 +52,12 @@ impl Workbench {
         Ok(Some(excess))
     }
 
-    /// What a model leaves of each row that every fit takes for an outlier of this workbench's noise; 0 for the others.
-    pub(crate) fn outliers(&self, model: &Model) -> Vec<f64> {
-        self.outliers_of(&self.problem, model)
-    }
-
-    /// How many times as large these are, by their RMS over the rows of each list of parts, as on that twin of the recordings on which
-    /// they are largest in the same rows. Twins, and where there are none: as for [`Self::excess`].
+    /// How many times as large what a model leaves of outliers is, 0 in all other rows, by its RMS over the rows of each list of parts,
+    /// as that of the twin of the recordings on which it is largest in the same rows. Twins, and where there are none: as for
+    /// [`Self::excess`].
     pub(crate) fn outlying<const N: usize>(
         &self,
+        own: &[f64],
         model: &Model,
         recordings: &[Recording],
         parts: [&[Part]; N],
@@ -71,28 +68,23 @@ impl Workbench {
             let squares = rows.filter(|(_, row)| parts.contains(&row.part));
             squares.map(|(r, _)| r * r).sum::<f64>().sqrt()
         };
-        let own = self.outliers(model);
         let reaches: Vec<usize> = self.problem.windows.iter().map(|w| w.reach).collect();
         let (motion, response) = (self.problem.motion, self.problem.response);
         let mut times = [f64::INFINITY; N];
         for twin in self.disturbed(model, recordings)? {
             let problem = Problem::new(twin?.1, &reaches, motion, response);
-            let all = self.outliers_of(&problem, model);
+            let residual = system::residual(&problem, model);
+            let outliers = self.noise.law.outliers(&problem, &residual);
             let mut here = vec![0.0; rows.len()];
             for (k, other) in common(rows, &problem.rows) {
-                here[k] = all[other];
+                here[k] = outliers[other];
             }
             for (times, parts) in times.iter_mut().zip(parts) {
                 let twin = size(&here, parts).max(f64::MIN_POSITIVE);
-                *times = times.min(size(&own, parts) / twin);
+                *times = times.min(size(own, parts) / twin);
             }
         }
         Some(times)
-    }
-
-    fn outliers_of(&self, problem: &Problem, model: &Model) -> Vec<f64> {
-        let residual = system::residual(problem, model);
-        self.noise.law.outliers(problem, &residual)
     }
 
     /// The twins of recordings that these are held against, each made when it is asked for.
