@@ -255,6 +255,35 @@ fn what_acts_in_the_held_out_part_alone_is_noticed() {
     assert!(text.contains("last 30 %"), "{text}");
 }
 
+/// Where a chirp is fastest, in the held-out part, smoothing and counts leave several times as much as in the rest: so they do on twins.
+#[test]
+fn a_faster_held_out_part_is_no_departure() {
+    let truth = "[plant]\nmotion = \"rotary\"\ninertia = 0.01\n[friction]\ncoulomb = 0.05\nviscous = 0.01\n";
+    let unbalanced = format!("{truth}[effects.gravity]\namplitude = 0.1\nphase = 0.3\n");
+    for (truth, band, rate, counts, seed) in [
+        (truth, "0.1:8", 4000, 4096, 31),
+        (truth, "0.1:8", 1000, 32_768, 41),
+        (&unbalanced, "0.3:12", 1000, 4096, 34),
+    ] {
+        let options = format!(
+            "--excite chirp --amplitude 0.4 --band {band} --duration 12 --rate {rate} --counts {counts} --noise 0.004 --seed {seed}"
+        );
+        let json = diagnosed_of(truth, BASELINE, &options);
+        let named = truth == unbalanced;
+        let verdict = if named { "explained" } else { "adequate" };
+        assert_eq!(json["verdict"], verdict, "{}", json["text"]);
+        assert_eq!(
+            json["findings"].as_array().map(Vec::len),
+            Some(usize::from(named))
+        );
+        assert!(
+            json["departure"].as_f64() > Some(2.0),
+            "{}",
+            json["departure"]
+        );
+    }
+}
+
 /// A pendulum on a servo for six seconds: acceleration takes 1 % of the drive, so the side of the equation that noise in the
 /// acceleration makes too small says nearly nothing of the inertia, and must not speak against gravity.
 #[test]

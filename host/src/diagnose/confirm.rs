@@ -5,11 +5,12 @@ use rayon::prelude::*;
 use super::leftover;
 use super::select::{self, Scope, Selected, Selection};
 use super::trial::{Trial, students_t};
-use super::whitened;
+use super::{DEPARTS, whitened};
 use crate::error::Result;
-use crate::fit::{self, Parts};
+use crate::fit::{self, Fit, Parts};
 use crate::identify::Workbench;
 use crate::model::{Causality, Model};
+use crate::problem::Problem;
 use crate::recording::Recording;
 use crate::weak::Part;
 
@@ -219,13 +220,29 @@ fn refuted(
 /// By which factor the RMS of the whitened residual in the held-out part exceeds that in the training part; 1 with too few
 /// rows to say.
 pub(super) fn departure(bench: &Workbench, model: &Model) -> f64 {
-    let z = whitened(bench, model);
+    rises(&bench.problem, &whitened(bench, model))
+}
+
+/// Whether the held-out part departs further than on the average of twins of the recordings, on which nothing does, and has the larger
+/// error of free runs: where it is faster, what sensors do to rows may be all there is to it.
+pub(super) fn departs(
+    bench: &Workbench,
+    model: &Model,
+    (departure, fit): (f64, &Fit),
+    recordings: &[Recording],
+) -> bool {
+    let usual = || bench.on_twins(model, recordings, &rises).unwrap_or(1.0);
+    fit.held_out.nrmse > fit.train.nrmse && departure > DEPARTS * usual()
+}
+
+/// See [`departure`].
+fn rises(problem: &Problem, z: &[f64]) -> f64 {
     let mean_square = |part: Part| {
-        let rows = z.iter().zip(&bench.problem.rows);
+        let rows = z.iter().zip(&problem.rows);
         let squares = rows.filter(|(_, r)| r.part == part).map(|(z, _)| z * z);
-        squares.sum::<f64>() / bench.problem.count(part).max(1) as f64
+        squares.sum::<f64>() / problem.count(part).max(1) as f64
     };
-    if bench.problem.count(Part::HeldOut) < FEWEST_HELD_OUT {
+    if problem.count(Part::HeldOut) < FEWEST_HELD_OUT {
         return 1.0;
     }
     (mean_square(Part::HeldOut) / mean_square(Part::Train).max(f64::MIN_POSITIVE)).sqrt()

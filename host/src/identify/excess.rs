@@ -68,11 +68,9 @@ impl Workbench {
             let squares = rows.filter(|(_, row)| parts.contains(&row.part));
             squares.map(|(r, _)| r * r).sum::<f64>().sqrt()
         };
-        let reaches: Vec<usize> = self.problem.windows.iter().map(|w| w.reach).collect();
-        let (motion, response) = (self.problem.motion, self.problem.response);
         let mut times = [f64::INFINITY; N];
         for twin in self.disturbed(model, recordings)? {
-            let problem = Problem::new(twin?.1, &reaches, motion, response);
+            let problem = self.rows_of(twin?.1);
             let residual = system::residual(&problem, model);
             let outliers = self.noise.law.outliers(&problem, &residual);
             let mut here = vec![0.0; rows.len()];
@@ -85,6 +83,23 @@ impl Workbench {
             }
         }
         Some(times)
+    }
+
+    /// The mean over twins of what there is `of` their rows, whitened. Where there are none: as for [`Self::excess`].
+    pub(crate) fn on_twins(
+        &self,
+        model: &Model,
+        recordings: &[Recording],
+        of: &dyn Fn(&Problem, &[f64]) -> f64,
+    ) -> Option<f64> {
+        let mut sum = 0.0;
+        for twin in self.disturbed(model, recordings)? {
+            let problem = self.rows_of(twin?.1);
+            let residual = system::residual(&problem, model);
+            let noise = self.noise.law.on(&problem, &residual, &[]);
+            sum += of(&problem, &noise.whiten(&residual));
+        }
+        Some(sum / TWINS as f64)
     }
 
     /// The twins of recordings that these are held against, each made when it is asked for.

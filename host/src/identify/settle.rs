@@ -289,10 +289,14 @@ impl Workbench {
         whites: &[f64],
     ) -> Option<Problem> {
         let (_, tracks) = self.seen(model, recordings, draw, whites)?;
+        Some(self.rows_of(tracks))
+    }
+
+    /// The weak form of such tracks.
+    pub(super) fn rows_of(&self, tracks: Vec<Track>) -> Problem {
         let before = &self.problem;
         let reaches: Vec<usize> = before.windows.iter().map(|w| w.reach).collect();
-        let problem = Problem::new(tracks, &reaches, before.motion, before.response);
-        Some(problem)
+        Problem::new(tracks, &reaches, before.motion, before.response)
     }
 
     /// What one twin of each recording shows, and their tracks, smoothed as those of the recordings were; without a draw, what
