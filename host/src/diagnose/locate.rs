@@ -48,9 +48,9 @@ struct Place {
     excess: f64,
 }
 
-/// The coordinate on which it depends most which rows are not 0: the one along which they are the furthest from being spread like all
-/// rows, by their divergence (Kullback and Leibler, Annals of Mathematical Statistics 22, 1951) over cells of equally many rows.
-/// Each counts alike, for the largest of a few is at one place of every coordinate.
+/// The coordinate on which outliers, the rows that are not 0, depend most: the one along which they are the furthest from being spread
+/// like all rows, by their divergence (Kullback and Leibler, Annals of Mathematical Statistics 22, 1951) over cells of equally many
+/// rows. Each counts alike, as the largest alone is at one place of every coordinate.
 pub(super) fn coordinate(bench: &Workbench, rows: &[f64]) -> &'static str {
     let marks: Vec<f64> = rows.iter().map(|r| f64::from(*r != 0.0)).collect();
     let places = places(bench, &marks, &vec![0.0; rows.len()]);
