@@ -217,7 +217,7 @@ impl Law {
         self.floor
     }
 
-    /// The residual of those rows of a problem that are beyond [`WINSOR`] standard deviations, outliers to every fit; 0 in the others.
+    /// The residual of those rows of a problem that are beyond four standard deviations, outliers to every fit; 0 in the others.
     pub fn outliers(&self, problem: &Problem, residual: &[f64]) -> Vec<f64> {
         let sigma = self.sigma(&reversal_weights(problem));
         let rows = residual.iter().zip(sigma);
