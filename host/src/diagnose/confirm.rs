@@ -10,7 +10,6 @@ use crate::error::Result;
 use crate::fit::{self, Fit, Parts};
 use crate::identify::Workbench;
 use crate::model::{Causality, Model};
-use crate::problem::Problem;
 use crate::recording::Recording;
 use crate::weak::Part;
 
@@ -220,23 +219,7 @@ fn refuted(
 /// By which factor the RMS of the whitened residual in the held-out part exceeds that in the training part; 1 with too few
 /// rows to say.
 pub(super) fn departure(bench: &Workbench, model: &Model) -> f64 {
-    rises(&bench.problem, &whitened(bench, model))
-}
-
-/// Whether the held-out part departs further than on the average of twins of the recordings, on which nothing does, and has the larger
-/// error of free runs: where it is faster, what sensors do to rows may be all there is to it.
-pub(super) fn departs(
-    bench: &Workbench,
-    model: &Model,
-    (departure, fit): (f64, &Fit),
-    recordings: &[Recording],
-) -> bool {
-    let usual = || bench.on_twins(model, recordings, &rises).unwrap_or(1.0);
-    fit.held_out.nrmse > fit.train.nrmse && departure > DEPARTS * usual()
-}
-
-/// See [`departure`].
-fn rises(problem: &Problem, z: &[f64]) -> f64 {
+    let (problem, z) = (&bench.problem, whitened(bench, model));
     let mean_square = |part: Part| {
         let rows = z.iter().zip(&problem.rows);
         let squares = rows.filter(|(_, r)| r.part == part).map(|(z, _)| z * z);
@@ -246,6 +229,22 @@ fn rises(problem: &Problem, z: &[f64]) -> f64 {
         return 1.0;
     }
     (mean_square(Part::HeldOut) / mean_square(Part::Train).max(f64::MIN_POSITIVE)).sqrt()
+}
+
+/// Whether free runs of the held-out part go wrong more than [`DEPARTS`] times as far as noise explains, and further than in the rest:
+/// where an axis is faster than before, what sensors do to rows may be all there is to a [`departure`].
+pub(super) fn departs(
+    bench: &Workbench,
+    model: &Model,
+    fit: &Fit,
+    recordings: &[Recording],
+) -> Result<bool> {
+    if fit.held_out.nrmse <= fit.train.nrmse {
+        return Ok(false);
+    }
+    let own = fit::parts(model, recordings, &bench.problem.tracks)?;
+    let excess = bench.excess(model, recordings, (&own, &[Part::HeldOut]), DEPARTS)?;
+    Ok(excess.is_none_or(|times| times[0] > DEPARTS))
 }
 
 /// Whether free runs of a model err by less than half of the squared error of others on both parts.
@@ -265,16 +264,20 @@ pub(super) fn halves(
 
 /// Whether one model predicts the held-out part worse than another: by more than [`FREE_RUN_TOLERANCE`] and, window against
 /// window, by more than chance, or by twice the squared error; of an imposed motion, which has no windows, by the tolerance alone.
-/// Where the axis hardly moves, nothing can be said. What the weak form shows again may be worse by [`BY_CHANCE`], and by any
-/// error if it predicts most windows better: where friction holds the axis or lets it go by a hair, a single one may be far off.
+/// Where the axis hardly moves, it only is worse by twice the squared error in both parts. What the weak form shows again may be worse
+/// by [`BY_CHANCE`], and by any error if it predicts most windows better: where friction holds the axis or lets it go by a hair, a
+/// single one may be far off.
 pub(super) fn worsens(
     with: &Parts,
     without: &Parts,
     causality: Causality,
     shows_again: bool,
 ) -> bool {
-    let moves = moves(&with.train(), &with.held_out());
-    if !moves || with.held_out().nrmse < FREE_RUN_TOLERANCE * without.held_out().nrmse {
+    let doubles = without.held_out().halves(&with.held_out());
+    if !moves(&with.train(), &with.held_out()) {
+        return doubles && without.train().halves(&with.train());
+    }
+    if with.held_out().nrmse < FREE_RUN_TOLERANCE * without.held_out().nrmse {
         return false;
     }
     let pairs = with.held_out.iter().zip(&without.held_out);
@@ -284,7 +287,6 @@ pub(super) fn worsens(
     }
     let better = rises.iter().filter(|rise| **rise < 0.0).count();
     let chance = if shows_again { BY_CHANCE } else { 0.0 };
-    let doubles = without.held_out().halves(&with.held_out());
     !(shows_again && 2 * better > rises.len()) && (doubles || students_t(&rises) > chance)
 }
 
@@ -333,5 +335,22 @@ mod tests {
         assert!(!worse(one_more(0.1), true) && worse(one_more(0.1), false));
         assert!(worse(one_more(0.25), true));
         assert!(!worse(others_less(0.25), true) && worse(others_less(0.25), false));
+    }
+
+    /// Where the axis hardly moves in the held-out part, that part alone says nothing.
+    #[test]
+    fn where_the_axis_rests_an_error_must_double_in_both_parts() {
+        let at = |train: f64, held_out: f64| {
+            let window = |square: f64, signal: f64| fit::of_force(signal + square.sqrt(), signal);
+            Parts {
+                train: vec![window(train, 100.0)],
+                held_out: vec![window(held_out, 1.0); 5],
+            }
+        };
+        let without = at(0.04, 0.04);
+        let worse =
+            |train, held_out| worsens(&at(train, held_out), &without, Causality::Forward, true);
+        assert!(worse(0.1, 0.1));
+        assert!(!worse(0.04, 0.4) && !worse(0.4, 0.04));
     }
 }

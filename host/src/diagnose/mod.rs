@@ -48,8 +48,8 @@ const HOPELESS: f64 = 0.5;
 /// Share of what generic functions gain that the named effects must reach: below it, the names are not the physics.
 const SHARE_OF_GENERIC: f64 = 0.6;
 
-/// Where the held-out part errs by more than this many times the error of the training part, beside what it does on twins, and its free
-/// run by more as well, something acts there that the training part did not show.
+/// Where the held-out part errs by more than this many times the error of the training part, and its free runs by more than this many
+/// times what they do on twins, something acts there that the training part did not show.
 const DEPARTS: f64 = 2.0;
 
 /// How much less a name is worth while something unexplained remains, which it may stand in for: of the findings beside an
@@ -232,7 +232,7 @@ fn concluded(
     let bench = fine.as_ref().map_or(bench, |fast| &fast.bench);
     let from = (before, baseline.fit);
     let (mut findings, after_fit) = findings(bench, from, &selected, (&after, &told), recordings)?;
-    let departs = departs && confirm::departs(usual, &told, (departure, &after_fit), recordings);
+    let departs = departs && confirm::departs(usual, &told, &after_fit, recordings)?;
     let astray = astray(&baseline.fit, &after_fit);
     let doubtful = significant || nameless || departs || astray || given.is_some();
     let fit = BeforeAfter {

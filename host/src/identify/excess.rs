@@ -6,7 +6,6 @@ use super::twin::Draw;
 use crate::error::Result;
 use crate::fit::{self, Parts};
 use crate::model::{Causality, Model};
-use crate::problem::Problem;
 use crate::recording::Recording;
 use crate::system;
 use crate::weak::{Part, Track};
@@ -83,23 +82,6 @@ impl Workbench {
             }
         }
         Some(times)
-    }
-
-    /// The mean over twins of what there is `of` their rows, whitened. Where there are none: as for [`Self::excess`].
-    pub(crate) fn on_twins(
-        &self,
-        model: &Model,
-        recordings: &[Recording],
-        of: &dyn Fn(&Problem, &[f64]) -> f64,
-    ) -> Option<f64> {
-        let mut sum = 0.0;
-        for twin in self.disturbed(model, recordings)? {
-            let problem = self.rows_of(twin?.1);
-            let residual = system::residual(&problem, model);
-            let noise = self.noise.law.on(&problem, &residual, &[]);
-            sum += of(&problem, &noise.whiten(&residual));
-        }
-        Some(sum / TWINS as f64)
     }
 
     /// The twins of recordings that these are held against, each made when it is asked for.
