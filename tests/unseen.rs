@@ -3,7 +3,7 @@
 mod cli;
 
 use std::cell::Cell;
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 use bristle::axis::Axis;
 use bristle::model::Model;
@@ -406,6 +406,80 @@ fn friction_in_spells_is_noticed() {
     let spell = |t: f64| (TAU * t / 3.1).sin() + (TAU * t / 7.3).sin() > 1.0;
     let json = diagnosed_under_control(|t| if spell(t) { &dirty } else { PLAIN }, faithful);
     assert_eq!(unknown(&json), "time, as friction in spells");
+}
+
+/// Rubber on one side of the travel, which a spring, an unbalance and cogging come near to together.
+#[test]
+fn a_bumper_is_no_sum_of_names() {
+    let bumper = |_, state: State, u| u - 0.3 * (state.q - 1.2).max(0.0);
+    let json = diagnosed_under_control(|_| PLAIN, bumper);
+    assert!(unknown(&json).starts_with("position"), "{}", json["text"]);
+}
+
+/// A guide that is tight at one place, by a raised cosine of half a radian to either side: no wave along the travel.
+#[test]
+fn a_tight_spot_is_friction_that_depends_on_position() {
+    let torque = |_, state: State, u| {
+        let near = (1.0 - (state.q - 0.7).abs() / 0.5).max(0.0);
+        let tight = 0.1 * 0.5 * (1.0 - (PI * near).cos());
+        if state.v == 0.0 {
+            u
+        } else {
+            u - tight * state.v.signum()
+        }
+    };
+    let json = diagnosed_under_control(|_| PLAIN, torque);
+    assert_eq!(json["verdict"], "explained", "{}", json["text"]);
+    let finding = only_finding(&json, "position-dependent-friction", 0.9);
+    let near = |name: &str, truth: f64, margin: f64| {
+        let found = value(finding, name);
+        assert!((found - truth).abs() < margin, "{name} {found}");
+    };
+    near("amplitude", 0.1, 0.005);
+    near("centre", 0.7, 0.005);
+    // Of a Gaussian curve that is as high at half of it.
+    near("spread", 0.25 / (2.0 * 2f64.ln()).sqrt(), 0.02);
+}
+
+/// What a motor makes of a command, at a time and in a state.
+type Drive<'a> = &'a dyn Fn(f64, State, f64) -> f64;
+
+/// A drive that gives out by degrees; one that does nothing up to a threshold and all beyond; cogging and a hum that are no sines; a
+/// gear that loses a share of what its load gets, be it driven or braked.
+#[test]
+fn effects_of_another_shape_keep_their_names() {
+    let soft = |_, _: State, u: f64| 0.9 * (u / 0.9).tanh();
+    let jump = |_, _: State, u: f64| if u.abs() < 0.15 { 0.0 } else { u };
+    let cogs = |_, state: State, u: f64| {
+        u - 0.04 * (12.0 * state.q).sin() - 0.02 * (24.0 * state.q + 1.0).sin()
+    };
+    let hum = |t: f64, _: State, u: f64| u + 0.08 * (11.0 * t).sin() - 0.04 * (22.0 * t).cos();
+    let gear = |_, state: State, u: f64| {
+        let s = if state.v == 0.0 {
+            0.0
+        } else {
+            state.v.signum()
+        };
+        // What the load gets is less than the drive by friction that depends on it.
+        let net = u - 0.12 * s - 0.02 * state.v;
+        let load = (0..60).fold(net, |load: f64, _| net - 0.25 * load.abs() * s);
+        u - 0.25 * load.abs() * s
+    };
+    let shapes: [(&str, &str, Drive); 5] = [
+        ("saturation", "soft_limit", &soft),
+        ("input-dead-zone", "threshold", &jump),
+        ("cogging", "second_amplitude", &cogs),
+        ("periodic-disturbance", "second_amplitude", &hum),
+        ("load-dependent-friction", "level", &gear),
+    ];
+    // The level is that of all other friction, 0.12 + 0.02·|v| at some 2 rad/s.
+    let truths = [0.9, 0.15, 0.02, 0.04, 0.16];
+    for ((id, name, drive), truth) in shapes.into_iter().zip(truths) {
+        let json = diagnosed_under_control(|_| PLAIN, drive);
+        assert_eq!(json["verdict"], "explained", "{}", json["text"]);
+        let found = value(only_finding(&json, id, 0.7), name);
+        assert!((found - truth).abs() < 0.1 * truth, "{id} {found}");
+    }
 }
 
 /// A torque like that of an inertia which changes along the travel.

@@ -71,9 +71,10 @@ pub(super) fn fullest(id: &str) -> Option<&'static dyn Effect> {
     effects::find(id).map(|plain| richer(plain).unwrap_or(plain))
 }
 
-/// The form of an effect with more to it, if it has one.
+/// The form of an effect with more to it, or that refines it, if it has one.
 fn richer(effect: &dyn Effect) -> Option<&'static dyn Effect> {
-    let more = |form: &&dyn Effect| form.parameters().len() > effect.parameters().len();
+    let more =
+        |form: &&dyn Effect| form.refines() || form.parameters().len() > effect.parameters().len();
     let mut others = effect.other_forms().iter().copied();
     others.find(|form| more(form) && !form.on_load_side())
 }

@@ -366,18 +366,25 @@ fn astray(before: &Fit, after: &Fit) -> bool {
 
 /// What bends the curve of friction over speed.
 const CURVES: [&str; 3] = ["stribeck", "quadratic-drag", "power-law-viscous"];
+/// What bends a force over the travel.
+const PLACES: [&str; 4] = ["gravity", "spring", "hardening-spring", "cogging"];
+/// So many of either piece together what none of them is.
+const PIECES: usize = 3;
 
-/// Whether effects piece a curve together that none of them is: all that bend it, or two that leave something or of which one is at
-/// the end of what there is of it.
+/// Whether effects piece a curve together that none of them is: three that bend it, or two of which one is at the end of what there
+/// is of it; of those that bend friction over speed two that leave something, too.
 fn pieced(added: &[Term], leaves: bool) -> bool {
-    let curves = added.iter().filter(|t| CURVES.contains(&t.effect.id()));
-    let at_bound = |term: &Term| {
-        let mut parameters = term.parameters.iter();
-        parameters.any(|p| p.status == Status::AtBound)
+    let among = |ids: &[&str], leaves: bool| {
+        let pieces = added.iter().filter(|t| ids.contains(&t.effect.id()));
+        let at_bound = |term: &Term| {
+            let mut parameters = term.parameters.iter();
+            parameters.any(|p| p.status == Status::AtBound)
+        };
+        let ends = pieces.clone().any(at_bound);
+        let count = pieces.count();
+        count >= PIECES || count > 1 && (leaves || ends)
     };
-    let ends = curves.clone().any(at_bound);
-    let count = curves.count();
-    count == CURVES.len() || count > 1 && (leaves || ends)
+    among(&CURVES, leaves) || among(&PLACES, false)
 }
 
 /// Warnings of what effects of the catalogue do as well: delay, lag and inertia mismatch.

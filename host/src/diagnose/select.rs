@@ -237,7 +237,9 @@ pub(super) fn trials(base: &Base, model: &Model, scope: &Scope) -> Result<Vec<Tr
     let nuisance: &'static dyn Effect = &effects::CREEP;
     let forms = |effect: &'static dyn Effect| {
         let others = effect.other_forms().iter().copied();
-        [effect].into_iter().chain(others)
+        [effect]
+            .into_iter()
+            .chain(others.filter(|form| !form.refines()))
     };
     let all = (effects::ALL.iter().copied().chain([nuisance])).flat_map(forms);
     let sought = |e: &dyn Effect| (scope.sought)(e) && !scope.refuted.contains(&e.id());

@@ -1,6 +1,7 @@
 //! # What it is
 //! A torque periodic in position with `periods` per turn (or per metre), whatever the drive does:
-//! `τ = amplitude·sin(2π·periods·x + phase)` with `x` in turns (or metres).
+//! `τ = amplitude·sin(2π·periods·x + phase)` with `x` in turns (or metres). With a `second_amplitude` and a `second_phase` a wave of
+//! twice the periods comes on top.
 //!
 //! # What it looks like in a recording
 //! The axis settles in evenly spaced positions and ripples at slow speed, with a frequency proportional to speed.
@@ -17,10 +18,23 @@
 //! # References
 //! D. Hanselman, Brushless Permanent Magnet Motor Design, 2006, ch. 5.
 
+use super::overtone::{Overtone, SECOND_AMPLITUDE, SECOND_PHASE};
 use super::{Confusion, Effect, Inner, Motion, Quantity, Scale, Spec, Survey, Wave, cartesian, periodicities, polar};
 use crate::format::{quantity, shortest};
 
 pub(super) struct Cogging;
+
+/// With a wave of twice the periods beside.
+pub(super) const OCTAVE: Overtone = Overtone {
+    plain: &Cogging,
+    parameters: &[
+        Spec::new("amplitude", Quantity::Torque),
+        Spec::new("phase", Quantity::Phase),
+        Spec::new("periods", Quantity::Periodicity),
+        SECOND_AMPLITUDE,
+        SECOND_PHASE,
+    ],
+};
 
 impl Effect for Cogging {
     fn id(&self) -> &'static str {
@@ -62,6 +76,9 @@ impl Effect for Cogging {
             quantity(p[0], Quantity::Torque.unit(motion)),
             shortest(p[2], 4)
         )
+    }
+    fn other_forms(&self) -> &'static [&'static dyn Effect] {
+        &[&OCTAVE]
     }
     fn width(&self) -> usize {
         2

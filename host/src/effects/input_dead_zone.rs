@@ -1,6 +1,6 @@
 //! # What it is
 //! Small inputs produce no torque, and larger ones less by as much: `u − half_width·sgn u` beyond `|u| = half_width`, zero
-//! within.
+//! within. Or inputs beyond a `threshold` act in full, with a jump.
 //!
 //! # What it looks like in a recording
 //! Around zero drive the axis coasts although something is commanded; a loop hunts. The residual has the sign of the
@@ -20,6 +20,7 @@
 //! G. Tao, P. V. Kokotović, Adaptive control of plants with unknown dead-zones, IEEE TAC 39(1), 1994, eq. 2.1.
 
 use super::{Confusion, Effect, Given, Motion, Path, Quantity, Seat, Spec, Survey, geometric, uncut};
+use super::input_dead_zone_jump::InputDeadZoneJump;
 use crate::format::significant;
 
 pub(super) struct InputDeadZone;
@@ -60,6 +61,9 @@ impl Effect for InputDeadZone {
             "Inputs up to u = ±{} do nothing and larger ones act less by as much: add this amount with the sign of u, and check dead time and dead band of the amplifier.",
             significant(p[0], 3)
         )
+    }
+    fn other_forms(&self) -> &'static [&'static dyn Effect] {
+        &[&InputDeadZoneJump]
     }
     fn unsuited(&self, axis: Given) -> Option<&'static str> {
         uncut(axis)

@@ -1,6 +1,8 @@
 //! # What it is
 //! Friction that grows with the torque that the transmission carries: `τ = ratio·|k·u|·sgn v` beside the Coulomb level. The
-//! ratio is the share of the transmitted torque that is lost.
+//! ratio is the share of the transmitted torque that is lost. Or in proportion to what the load gets of it, which is another share of
+//! the drive when it moves the load (`driving`) and when it brakes it (`braking`):
+//! `τ = k·(driving·max(u·sgn v − level, 0) + braking·max(level − u·sgn v, 0))·sgn v`, where `level` is what other friction takes.
 //!
 //! # What it looks like in a recording
 //! Fast accelerations lose more torque than slow ones; the residual has the sign of velocity and the size of the drive,
@@ -20,11 +22,12 @@
 //! P. Hamon, M. Gautier, P. Garrec, Dynamic identification of robots with a dry friction model depending on load and
 //! velocity, IROS 2010, eq. 7.
 
+use super::load_dependent_friction_two_way::LoadDependentFrictionTwoWay;
 use super::{Confusion, Effect, FREE, Inner, Motion, Point, Quantity, Scale, Spec};
 use crate::format::significant;
 
 /// Largest share that may be lost: close to one it says that nothing gets through, which fits any motion that follows the drive.
-const MOST_LOST: f64 = 0.95;
+pub(super) const MOST_LOST: f64 = 0.95;
 
 pub(super) struct LoadDependentFriction;
 
@@ -64,6 +67,9 @@ impl Effect for LoadDependentFriction {
             "Of the transmitted torque {} % is lost to friction that grows with it: compensate in proportion to |u|, and check lubrication and efficiency of the gear.",
             significant(100.0 * p[0], 3)
         )
+    }
+    fn other_forms(&self) -> &'static [&'static dyn Effect] {
+        &[&LoadDependentFrictionTwoWay]
     }
     fn driven(&self) -> bool {
         true

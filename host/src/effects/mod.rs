@@ -13,10 +13,15 @@ mod backlash_load_side;
 mod compliance_load_side;
 mod creep;
 mod hardening_spring_off_centre;
+mod input_dead_zone_jump;
+mod load_dependent_friction_two_way;
+mod overtone;
 mod path;
 mod point;
+mod position_dependent_friction_spot;
 mod position_dependent_viscous;
 mod quantity;
+mod saturation_soft;
 mod sensor_eccentricity_harmonic;
 mod spring_off_centre;
 mod swing;
@@ -191,6 +196,18 @@ pub trait Effect: Sync {
     /// Whether it may act faster than windows of the usual width pass.
     fn fast(&self) -> bool {
         false
+    }
+    /// The form with less to it in which its inner parameters are found, if they are.
+    fn found_as(&self) -> Option<&'static dyn Effect> {
+        None
+    }
+    /// Whether it is sought only in the place of the plain form that was found: by itself it bends to too much else.
+    fn refines(&self) -> bool {
+        false
+    }
+    /// Whether recordings can show it with these inner parameters.
+    fn shows(&self, _inner: Inner, _survey: &Survey) -> bool {
+        true
     }
     /// How its inner parameters are found.
     fn search(&self) -> Search {

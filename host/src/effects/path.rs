@@ -1,15 +1,19 @@
 //! The way of the input to the axis: what an amplifier makes of the recorded `u`.
 
-/// Static limits first, then what shifts and smooths in time: `w = limit(dead_zone(u))`, delayed, through a first-order
+/// Static limits first, then what shifts and smooths in time: `w = soft_limit(limit(dead_zone(threshold(u))))`, delayed, through a first-order
 /// lag, and through a spring that swings. Delay, lag and spring commute with each other, and a delay with anything. Lags in
 /// series, those of a winding and of what drives it, act as one of their sum, which is right to the first order in their time
 /// constants.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Path {
+    /// Inputs up to this size do nothing; larger ones act in full.
+    pub threshold: f64,
     /// Inputs up to this size do nothing; larger ones act less by as much.
     pub dead_zone: f64,
     /// Inputs beyond this size act as this.
     pub limit: f64,
+    /// What the input never quite comes to, by `soft_limit·tanh(u/soft_limit)`; infinite where it acts in full.
+    pub soft_limit: f64,
     /// How much later than recorded the input acts, s.
     pub delay: f64,
     /// Time constant, s.
@@ -45,8 +49,10 @@ impl Default for Path {
     /// The input acts as recorded.
     fn default() -> Self {
         Self {
+            threshold: 0.0,
             dead_zone: 0.0,
             limit: f64::INFINITY,
+            soft_limit: f64::INFINITY,
             delay: 0.0,
             lag: 0.0,
             resonance: f64::INFINITY,
@@ -60,17 +66,29 @@ impl Default for Path {
 impl Path {
     /// What the static part of the path makes of an input.
     pub fn pass(&self, u: f64) -> f64 {
-        (u.abs() - self.dead_zone)
-            .max(0.0)
-            .min(self.limit)
-            .copysign(u)
+        let size = u.abs();
+        let through = if self.threshold > 0.0 {
+            let beyond = (size / self.threshold - 1.0) / EDGE;
+            (0.5 + beyond).clamp(0.0, 1.0)
+        } else {
+            1.0
+        };
+        let size = (through * size - self.dead_zone).max(0.0).min(self.limit);
+        let size = if self.soft_limit.is_finite() {
+            self.soft_limit * (size / self.soft_limit).tanh()
+        } else {
+            size
+        };
+        size.copysign(u)
     }
 
     /// What distinguishes two paths.
-    pub fn bits(&self) -> [u64; 8] {
+    pub fn bits(&self) -> [u64; 10] {
         let Self {
+            threshold,
             dead_zone,
             limit,
+            soft_limit,
             delay,
             lag,
             resonance,
@@ -79,7 +97,8 @@ impl Path {
             before_gap,
         } = *self;
         [
-            dead_zone, limit, delay, lag, resonance, damping, gap, before_gap,
+            threshold, dead_zone, limit, soft_limit, delay, lag, resonance, damping, gap,
+            before_gap,
         ]
         .map(f64::to_bits)
     }
@@ -108,15 +127,19 @@ impl Path {
     #[must_use]
     pub fn of_input(&self) -> Self {
         let Self {
+            threshold,
             dead_zone,
             limit,
+            soft_limit,
             delay,
             lag,
             ..
         } = *self;
         Self {
+            threshold,
             dead_zone,
             limit,
+            soft_limit,
             delay,
             lag,
             ..Self::default()
@@ -188,6 +211,8 @@ impl Swinging {
     }
 }
 
+/// Width of the edge of a threshold, as a share of it: what is sharp has no derivative, which errors are told by.
+const EDGE: f64 = 0.02;
 /// Damping ratio up to which a spring is taken to swing.
 const MOST_DAMPED: f64 = 0.999;
 

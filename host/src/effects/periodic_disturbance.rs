@@ -1,6 +1,7 @@
 //! # What it is
 //! An external torque that is periodic in time, wherever the axis stands: `τ = −amplitude·sin(2π·frequency·t + phase)`, so
-//! that a positive sine pushes in the positive direction. Time counts from the first sample of the recording.
+//! that a positive sine pushes in the positive direction. Time counts from the first sample of the recording. With a
+//! `second_amplitude` and a `second_phase` a wave of twice the frequency comes on top.
 //!
 //! # What it looks like in a recording
 //! A hum of one frequency in the residual, the same at every position and speed.
@@ -20,10 +21,23 @@
 //! M. Bodson, S. C. Douglas, Adaptive algorithms for the rejection of sinusoidal disturbances with unknown frequency,
 //! Automatica 33(12), 1997; A. Schuster, On the investigation of hidden periodicities, 1898 (the periodogram).
 
+use super::overtone::{Overtone, SECOND_AMPLITUDE, SECOND_PHASE};
 use super::{Confusion, Effect, Inner, Motion, Quantity, Scale, Search, Spec, Wave, cartesian, polar};
 use crate::format::quantity;
 
 pub(super) struct PeriodicDisturbance;
+
+/// With a wave of twice the periods beside.
+pub(super) const OCTAVE: Overtone = Overtone {
+    plain: &PeriodicDisturbance,
+    parameters: &[
+        Spec::new("amplitude", Quantity::Torque),
+        Spec::new("phase", Quantity::Phase),
+        Spec::within("frequency", Quantity::Frequency, (0.0, f64::INFINITY)),
+        SECOND_AMPLITUDE,
+        SECOND_PHASE,
+    ],
+};
 
 impl Effect for PeriodicDisturbance {
     fn id(&self) -> &'static str {
@@ -71,6 +85,9 @@ impl Effect for PeriodicDisturbance {
     }
     fn search(&self) -> Search {
         Search::Line
+    }
+    fn other_forms(&self) -> &'static [&'static dyn Effect] {
+        &[&OCTAVE]
     }
     fn width(&self) -> usize {
         2

@@ -18,6 +18,8 @@ pub struct Moment {
 /// An instant of the motion, as an effect sees it.
 #[derive(Clone, Copy, Debug)]
 pub struct Point {
+    /// Rotary or linear.
+    pub motion: Motion,
     /// Position, rad or m.
     pub q: f64,
     /// Velocity, rad/s or m/s.
@@ -42,6 +44,7 @@ impl Point {
             std::f64::consts::TAU * q
         };
         Self {
+            motion,
             q,
             v,
             angle,

@@ -1,6 +1,8 @@
 //! # What it is
 //! A friction level that varies with position: `τ = amplitude·sin(2π·q/wavelength + phase)·sgn v` beside the Coulomb level,
-//! which is its mean.
+//! which is its mean. Or a tight or loose spot: `τ = amplitude·exp(−½·(d/spread)²)·sgn v`, where `d` is the distance from `centre`,
+//! on a rotary axis the chord `2·sin(½·(q − centre))`, as the spot comes by with each turn. Which of the two forms a model file
+//! means it says by the names of its parameters.
 //!
 //! # What it looks like in a recording
 //! Some stretches of the travel take more drive than others, in both directions alike; the residual over position is a
@@ -21,12 +23,16 @@
 //! B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, A survey of models, analysis tools and compensation methods for
 //! the control of machines with friction, Automatica 30(7), 1994, sec. 2.1 (position dependence).
 
+use super::position_dependent_friction_spot::PositionDependentFrictionSpot;
 use super::position_dependent_viscous::PositionDependentViscous;
 use super::{Confusion, Effect, Impostor, Inner, Motion, Quantity, Scale, Spec, Survey, Wave, cartesian, polar};
 use crate::format::quantity;
 
 /// Waves over the travel: from half of one on, thirds apart.
 const THIRDS: std::ops::RangeInclusive<u32> = 2..=24;
+
+/// Most waves within a turn: finer ones are ripple of teeth and poles, which the drive shows too.
+const MOST_LOBES: u32 = 12;
 
 pub(super) struct PositionDependentFriction;
 
@@ -74,6 +80,9 @@ impl Effect for PositionDependentFriction {
             quantity(p[2], Quantity::Position.unit(motion))
         )
     }
+    fn other_forms(&self) -> &'static [&'static dyn Effect] {
+        &[&PositionDependentFrictionSpot]
+    }
     fn impostor(&self) -> Option<Impostor> {
         Some(Impostor { effect: &PositionDependentViscous, coordinate: "position and velocity" })
     }
@@ -88,7 +97,7 @@ impl Effect for PositionDependentFriction {
         let mut waves: Vec<f64> = THIRDS.map(|k| 3.0 * travel / f64::from(k)).collect();
         if survey.motion == Motion::Rotary {
             // Over many turns, whatever closes on itself.
-            let turns = (1..=4).map(|k| std::f64::consts::TAU / f64::from(k));
+            let turns = (1..=MOST_LOBES).map(|k| std::f64::consts::TAU / f64::from(k));
             waves.extend(turns.filter(|wave| *wave < travel));
         }
         waves.sort_by(f64::total_cmp);

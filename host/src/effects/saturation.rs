@@ -1,5 +1,6 @@
 //! # What it is
-//! The drive gives no more than a limit: inputs beyond `|u| = limit` act as the limit.
+//! The drive gives no more than a limit: inputs beyond `|u| = limit` act as the limit. Or it gives out by degrees
+//! towards a `soft_limit`: `soft_limit·tanh(u/soft_limit)`.
 //!
 //! # What it looks like in a recording
 //! Hard accelerations fall short of what the commanded input should give; gentle ones are right. The residual lives where
@@ -19,6 +20,7 @@
 //! K. J. Åström, L. Rundqwist, Integrator windup and how to avoid it, American Control Conference 1989.
 
 use super::{Confusion, Effect, Given, Motion, Path, Quantity, Seat, Spec, Survey, geometric, uncut};
+use super::saturation_soft::SaturationSoft;
 use crate::format::significant;
 
 pub(super) struct Saturation;
@@ -55,6 +57,9 @@ impl Effect for Saturation {
             "The drive gives no more than what u = ±{} asks for: limit the controller's output there against windup, or raise the amplifier's limit.",
             significant(p[0], 3)
         )
+    }
+    fn other_forms(&self) -> &'static [&'static dyn Effect] {
+        &[&SaturationSoft]
     }
     fn unsuited(&self, axis: Given) -> Option<&'static str> {
         uncut(axis)

@@ -14,9 +14,9 @@ pub struct Memo(Mutex<HashMap<Key, Option<Found>>>);
 /// A model with one more term, and whether that was sought closely in any case.
 type Key = (Parts, bool);
 
-/// What tells one model with one more term from another: for each parameter its effect, on the load side or not, its value and
-/// whether that is given.
-type Parts = Vec<(Option<(&'static str, bool)>, Option<u64>, bool)>;
+/// What tells one model with one more term from another: for each parameter its effect and its name, its value and whether that
+/// is given.
+type Parts = Vec<(Option<(&'static str, &'static str)>, Option<u64>, bool)>;
 
 impl Memo {
     /// What was found for a term on a model, or what a search finds now.
@@ -39,13 +39,13 @@ impl Memo {
 }
 
 fn key(model: &Model, term: &Term) -> Parts {
-    let part = |effect, p: &Parameter| (effect, p.value.map(f64::to_bits), p.known);
+    let part = |name, p: &Parameter| (name, p.value.map(f64::to_bits), p.known);
     let own = [&model.inertia, &model.gain, &model.coulomb, &model.viscous];
     let own = own.into_iter().map(|p| part(None, p));
     let terms = model.terms.iter().chain([term]);
     own.chain(terms.flat_map(|t| {
-        let effect = Some((t.effect.id(), t.effect.on_load_side()));
-        t.parameters.iter().map(move |p| part(effect, p))
+        let names = t.effect.parameters().iter().map(|spec| spec.name);
+        (names.zip(&t.parameters)).map(move |(name, p)| part(Some((t.effect.id(), name)), p))
     }))
     .collect()
 }

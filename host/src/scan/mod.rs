@@ -150,6 +150,19 @@ impl<'a> Ground<'a> {
     }
 
     fn sought(&self, term: &Term, closely: bool) -> Result<Option<Found>> {
+        if let Some(plain) = term.effect.found_as() {
+            let plain = Term {
+                effect: plain,
+                parameters: term.parameters[..plain.parameters().len()].to_vec(),
+                in_law: term.in_law,
+            };
+            let shows = |found: &Found| term.effect.shows(found.inner, &self.survey);
+            let Some(found) = self.sought(&plain, closely)?.filter(shows) else {
+                return Ok(None);
+            };
+            let score = self.with(term, found.inner)?;
+            return Ok(score.map(|score| Found { score, ..found }));
+        }
         let search = || match term.effect.search() {
             Search::Grid => self.on_grid(term, closely),
             Search::Interval => self.in_time(term),

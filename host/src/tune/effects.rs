@@ -5,6 +5,7 @@ use std::f64::consts::TAU;
 use bristle_core::control::{Backlash, Effects, Harmonic, WAVES};
 
 use super::Drive;
+use crate::effects::Effect;
 use crate::error::{Error, Result};
 use crate::model::{Model, Term};
 
@@ -33,11 +34,12 @@ pub(super) fn of(model: &Model, drive: &Drive, count: f64) -> Result<Effects<f64
             )?,
             "cogging" => {
                 let periods = value(2) / model.motion.turn();
-                place(
-                    &mut effects,
-                    &mut waves,
-                    harmonic(periods, count, value(0), value(1)),
-                )?;
+                let first = harmonic(periods, count, value(0), value(1));
+                place(&mut effects, &mut waves, first)?;
+                if term.parameters.len() > 3 {
+                    let second = harmonic(2.0 * periods, count, value(3), value(4));
+                    place(&mut effects, &mut waves, second)?;
+                }
             }
             "position-dependent-friction" => effects.friction = friction_wave(term, count),
             "backlash" if term.effect.hangs() => {
@@ -75,7 +77,7 @@ fn harmonic(periods: f64, count: f64, amplitude: f64, phase: f64) -> Harmonic<f6
     }
 }
 
-/// `position-dependent-friction`: amplitude, phase and wavelength, found by their names.
+/// `position-dependent-friction`: amplitude, phase and wavelength, found by their names; nothing of a spot, which has none.
 fn friction_wave(term: &Term, count: f64) -> Harmonic<f64> {
     let specs = term.effect.parameters().iter().zip(&term.parameters);
     let named = |name: &str| {
@@ -108,10 +110,11 @@ pub fn left_alone(model: &Model) -> Vec<&'static str> {
         .terms
         .iter()
         .filter(|term| !term.in_law && !term.is_of_contact());
-    // A gap before the encoder is no gap behind it, which is what the controller answers.
+    // A gap before the encoder is no gap behind it, which is what the controller answers; a spot is no wave, which it knows alone.
+    let spot = |effect: &dyn Effect| effect.parameters().iter().any(|spec| spec.name == "spread");
     let answered = |term: &&Term| {
         let effect = term.effect;
-        ANSWERED.contains(&effect.id()) && !effect.on_load_side()
+        ANSWERED.contains(&effect.id()) && !effect.on_load_side() && !spot(effect)
     };
     own.filter(|term| !answered(term))
         .map(|term| term.effect.id())

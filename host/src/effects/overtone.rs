@@ -1,0 +1,113 @@
+//! A wave with an octave: another of twice its periods, with an amplitude and a phase of its own. Poles, slots and teeth are seldom
+//! shaped like a sine.
+
+use super::{
+    Confusion, Effect, Impostor, Inner, Motion, Point, Quantity, Scale, Search, Seat, Spec, Survey,
+};
+
+/// An effect that is one wave, of an amplitude, a phase and what is scanned, with twice that beside.
+pub(super) struct Overtone {
+    /// The effect that is one wave.
+    pub plain: &'static dyn Effect,
+    /// Its parameters, then [`SECOND_AMPLITUDE`] and [`SECOND_PHASE`].
+    pub parameters: &'static [Spec],
+}
+
+/// Torque or force of the octave.
+pub(super) const SECOND_AMPLITUDE: Spec = Spec::new("second_amplitude", Quantity::Torque);
+/// Its phase.
+pub(super) const SECOND_PHASE: Spec = Spec::new("second_phase", Quantity::Phase);
+
+impl Effect for Overtone {
+    fn id(&self) -> &'static str {
+        self.plain.id()
+    }
+    fn name(&self) -> &'static str {
+        self.plain.name()
+    }
+    fn doc(&self) -> &'static str {
+        self.plain.doc()
+    }
+    fn parameters(&self) -> &'static [Spec] {
+        self.parameters
+    }
+    fn confusions(&self) -> &'static [Confusion] {
+        self.plain.confusions()
+    }
+    fn sentence(&self, p: &[f64], motion: Motion) -> String {
+        self.plain.sentence(p, motion)
+    }
+    fn impostor(&self) -> Option<Impostor> {
+        self.plain.impostor()
+    }
+    fn seat(&self) -> Seat {
+        self.plain.seat()
+    }
+    fn driven(&self) -> bool {
+        self.plain.driven()
+    }
+    fn timed(&self) -> bool {
+        self.plain.timed()
+    }
+    fn fast(&self) -> bool {
+        self.plain.fast()
+    }
+    fn search(&self) -> Search {
+        self.plain.search()
+    }
+    fn found_as(&self) -> Option<&'static dyn Effect> {
+        Some(self.plain)
+    }
+    /// Over less than two periods nothing shows to come again, and two waves bend to any force along the travel.
+    fn shows(&self, [periods, _]: Inner, survey: &Survey) -> bool {
+        let (low, high) = survey.travel;
+        self.timed() || periods * (high - low) >= 2.0 * survey.motion.turn()
+    }
+    fn width(&self) -> usize {
+        4
+    }
+    fn inner(&self) -> Option<usize> {
+        self.plain.inner()
+    }
+    fn grid(&self, survey: &Survey) -> Vec<f64> {
+        self.plain.grid(survey)
+    }
+    fn basis(&self, inner: Inner, at: Point, out: &mut [f64]) {
+        let (first, second) = out.split_at_mut(2);
+        self.plain.basis(inner, at, first);
+        self.plain.basis([2.0 * inner[0], inner[1]], at, second);
+    }
+    fn named(&self, inner: Inner, c: &[f64], scale: Scale) -> Vec<f64> {
+        let (first, second) = c.split_at(2);
+        let mut named = self.plain.named(inner, first, scale);
+        named.extend_from_slice(&self.plain.named(inner, second, scale)[..2]);
+        named
+    }
+    fn linear(&self, p: &[f64], scale: Scale) -> (Inner, Vec<f64>) {
+        let (inner, mut c) = self.plain.linear(&p[..3], scale);
+        c.extend(self.plain.linear(&[p[3], p[4], p[2]], scale).1);
+        (inner, c)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::cogging::OCTAVE;
+    use super::Effect;
+    use crate::effects::{Motion, Point, Scale};
+
+    #[test]
+    fn the_second_wave_has_twice_the_periods() {
+        let scale = Scale {
+            coulomb: 0.0,
+            gain: 1.0,
+        };
+        let (inner, c) = OCTAVE.linear(&[0.2, 0.4, 7.0, 0.1, -0.3], scale);
+        let q = 0.83;
+        let mut b = [0.0; 4];
+        OCTAVE.basis(inner, Point::new(Motion::Rotary, q, 1.0, 1.0), &mut b);
+        let torque: f64 = c.iter().zip(b).map(|(c, b)| c * b).sum();
+        let exact = 0.2 * (7.0 * q + 0.4).sin() + 0.1 * (14.0 * q - 0.3).sin();
+        assert!((torque - exact).abs() < 1e-14);
+    }
+}
