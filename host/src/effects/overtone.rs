@@ -92,8 +92,8 @@ impl Effect for Overtone {
 
 #[cfg(test)]
 mod tests {
-    use super::super::cogging::OCTAVE;
     use super::Effect;
+    use crate::effects::cogging::OCTAVE;
     use crate::effects::{Motion, Point, Scale};
 
     #[test]

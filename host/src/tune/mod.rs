@@ -342,6 +342,26 @@ mod tests {
         );
     }
 
+    /// A controller carries waves of friction and of torque, octaves too, but no spot.
+    #[test]
+    fn an_octave_is_a_wave_and_a_spot_is_left_alone() {
+        let plain = "[plant]\nmotion = \"rotary\"\ninertia = 0.002\n[friction]\ncoulomb = 0.1\nviscous = 0.015\n[effects.";
+        let with = |effect: &str| Model::parse(&format!("{plain}{effect}")).unwrap();
+        let spot =
+            with("position-dependent-friction]\namplitude = 0.05\ncentre = 0.3\nspread = 0.1\n");
+        assert_eq!(super::left_alone(&spot), ["position-dependent-friction"]);
+        let effects = parameters(&spot, &WISH).unwrap().effects;
+        assert_eq!((effects.friction.sine, effects.friction.cosine), (0.0, 0.0));
+        let cogs = with(
+            "cogging]\namplitude = 0.04\nphase = 0.0\nperiods = 12\nsecond_amplitude = 0.02\nsecond_phase = 0.0\n",
+        );
+        assert!(super::left_alone(&cogs).is_empty());
+        let waves = parameters(&cogs, &WISH).unwrap().effects.waves;
+        assert_eq!((waves[0].sine, waves[1].sine), (0.04, 0.02));
+        let off = waves[1].cycle.wrapping_sub(waves[0].cycle.wrapping_mul(2));
+        assert!(off.wrapping_add(1) <= 2, "{off}: more than rounding");
+    }
+
     /// `∫e^(−v/vs)dv = vs`, and `∫e^(−(v/w)²)dv = w·√π/2`.
     #[test]
     fn another_exponent_keeps_the_area_under_the_stribeck_curve() {
