@@ -3,6 +3,7 @@
 
 use super::{
     Confusion, Effect, Impostor, Inner, Motion, Point, Quantity, Scale, Search, Seat, Spec, Survey,
+    Wave,
 };
 
 /// An effect that is one wave, of an amplitude, a phase and what is scanned, with twice that beside.
@@ -58,6 +59,9 @@ impl Effect for Overtone {
     fn found_as(&self) -> Option<&'static dyn Effect> {
         Some(self.plain)
     }
+    fn refines(&self) -> bool {
+        true
+    }
     /// Over less than two periods nothing shows to come again, and two waves bend to any force along the travel.
     fn shows(&self, [periods, _]: Inner, survey: &Survey) -> bool {
         let (low, high) = survey.travel;
@@ -73,9 +77,21 @@ impl Effect for Overtone {
         self.plain.grid(survey)
     }
     fn basis(&self, inner: Inner, at: Point, out: &mut [f64]) {
-        let (first, second) = out.split_at_mut(2);
-        self.plain.basis(inner, at, first);
-        self.plain.basis([2.0 * inner[0], inner[1]], at, second);
+        let Some(Wave {
+            number,
+            coordinate,
+            carrier,
+        }) = self.plain.wave(inner)
+        else {
+            return;
+        };
+        let (sin, cos) = (number * coordinate(&at)).sin_cos();
+        let twice = [2.0 * sin * cos, cos * cos - sin * sin];
+        let waves = [sin, cos].into_iter().chain(twice);
+        let carrier = carrier(&at);
+        out.iter_mut()
+            .zip(waves)
+            .for_each(|(out, wave)| *out = carrier * wave);
     }
     fn named(&self, inner: Inner, c: &[f64], scale: Scale) -> Vec<f64> {
         let (first, second) = c.split_at(2);
