@@ -615,6 +615,8 @@ fn models_that_cannot_be_simulated_are_refused() {
     let motor = "kind = \"dc-motor\"\ninertia = 1\nresistance = 2.6\ninductance = 1e-3";
     let twice = format!("{LUGRE}\n[effects.stribeck]\nstatic = 0.3\nstribeck_velocity = 0.1");
     let inverse = format!("{ROTARY}\ncausality = \"inverse\"");
+    let spot =
+        format!("{COULOMB}\n[effects.position-dependent-friction]\namplitude = 0.05\ncentre = 0.3");
     for (text, said) in [
         (BASELINE.to_owned(), "no value for plant.inertia"),
         (
@@ -630,6 +632,11 @@ fn models_that_cannot_be_simulated_are_refused() {
             "line 2: plant.kind = \"dc-motor\" turns",
         ),
         (truth(ROTARY, &twice), "effects.stribeck"),
+        // No textbook says how wide a spot is.
+        (
+            truth(ROTARY, &spot),
+            "no value for effects.position-dependent-friction.spread",
+        ),
         (truth(&inverse, COULOMB), "causality"),
     ] {
         folder.write("truth.toml", text);

@@ -465,16 +465,15 @@ fn effects_of_another_shape_keep_their_names() {
         let load = (0..60).fold(net, |load: f64, _| net - 0.25 * load.abs() * s);
         u - 0.25 * load.abs() * s
     };
-    let shapes: [(&str, &str, Drive); 5] = [
-        ("saturation", "soft_limit", &soft),
-        ("input-dead-zone", "threshold", &jump),
-        ("cogging", "second_amplitude", &cogs),
-        ("periodic-disturbance", "second_amplitude", &hum),
-        ("load-dependent-friction", "level", &gear),
+    let shapes: [(&str, &str, f64, Drive); 5] = [
+        ("saturation", "soft_limit", 0.9, &soft),
+        ("input-dead-zone", "threshold", 0.15, &jump),
+        ("cogging", "second_amplitude", 0.02, &cogs),
+        ("periodic-disturbance", "second_amplitude", 0.04, &hum),
+        // That of all other friction, 0.12 + 0.02·|v| at some 2 rad/s.
+        ("load-dependent-friction", "level", 0.16, &gear),
     ];
-    // The level is that of all other friction, 0.12 + 0.02·|v| at some 2 rad/s.
-    let truths = [0.9, 0.15, 0.02, 0.04, 0.16];
-    for ((id, name, drive), truth) in shapes.into_iter().zip(truths) {
+    for (id, name, truth, drive) in shapes {
         let json = diagnosed_under_control(|_| PLAIN, drive);
         assert_eq!(json["verdict"], "explained", "{}", json["text"]);
         let found = value(only_finding(&json, id, 0.7), name);

@@ -211,7 +211,7 @@ impl Closer<'_> {
             return Ok(false);
         };
         let mut load = load.clone();
-        let inner = [load.effect.inner(), load.effect.shape().map(|(k, _)| k)];
+        let inner = [load.effect.inner(), load.effect.shape()];
         for k in inner.into_iter().flatten() {
             load.parameters[k].known = true;
         }

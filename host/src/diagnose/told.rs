@@ -31,7 +31,7 @@ pub(super) fn doubt(term: &Term, short: bool) -> Option<f64> {
             (parameter.value.unwrap_or_default() / se).abs()
         })
     };
-    let inner = [effect.inner(), effect.shape().map(|(k, _)| k)];
+    let inner = [effect.inner(), effect.shape()];
     let specs = effect.parameters().iter().enumerate();
     let sizes = specs
         .filter(|(k, spec)| {

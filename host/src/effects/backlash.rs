@@ -30,7 +30,7 @@
 
 use super::backlash_braked::BacklashBraked;
 use super::backlash_load_side::BacklashLoadSide;
-use super::{Carried, Confusion, Coupling, Effect, Given, Inner, Motion, Quantity, Scale, Seat, Spec, Survey, geometric, undriven};
+use super::{Carried, Confusion, Coupling, Effect, Given, Inner, Motion, Quantity, Seat, Spec, Survey, geometric, undriven};
 use crate::format::quantity;
 
 /// Natural frequency of the contact at the ends of the gap in simulation, rad/s: a catch within about a millisecond.
@@ -101,12 +101,6 @@ impl Effect for Backlash {
     }
     fn load(&self, inner: Inner, _q: &[f64], v: &[f64], period: f64) -> Carried {
         carried(inner[0], 0.0, v, period)
-    }
-    fn named(&self, inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
-        vec![c[0], inner[0]]
-    }
-    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
-        ([p[1], 0.0], vec![p[0]])
     }
     fn admissible(&self, c: &[f64]) -> bool {
         c[0] > 0.0

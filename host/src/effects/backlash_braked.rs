@@ -2,7 +2,7 @@
 
 use super::backlash::{Backlash, carried};
 use super::{
-    Carried, Confusion, Coupling, Effect, Given, Inner, Motion, Quantity, Scale, Seat, Spec, Survey,
+    Carried, Confusion, Coupling, Effect, Given, Inner, Motion, Quantity, Seat, Spec, Survey,
 };
 
 pub(super) struct BacklashBraked;
@@ -45,8 +45,11 @@ impl Effect for BacklashBraked {
     fn inner(&self) -> Option<usize> {
         Backlash.inner()
     }
-    fn shape(&self) -> Option<(usize, f64)> {
-        Some((2, 0.0))
+    fn shape(&self) -> Option<usize> {
+        Some(2)
+    }
+    fn textbook(&self) -> Option<f64> {
+        Some(0.0)
     }
     fn shapes(&self, survey: &Survey) -> Vec<f64> {
         // As the axis, if friction is divided as inertia is; half and twice as fast, and many times, where it is mostly the load's.
@@ -58,12 +61,6 @@ impl Effect for BacklashBraked {
     }
     fn load(&self, inner: Inner, _q: &[f64], v: &[f64], period: f64) -> Carried {
         carried(inner[0], inner[1], v, period)
-    }
-    fn named(&self, inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
-        vec![c[0], inner[0], inner[1]]
-    }
-    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
-        ([p[1], p[2]], vec![p[0]])
     }
     fn admissible(&self, c: &[f64]) -> bool {
         Backlash.admissible(c)

@@ -50,8 +50,11 @@ impl Effect for BacklashLoadSide {
     fn inner(&self) -> Option<usize> {
         Some(0)
     }
-    fn shape(&self) -> Option<(usize, f64)> {
-        Some((1, 1.0))
+    fn shape(&self) -> Option<usize> {
+        Some(1)
+    }
+    fn textbook(&self) -> Option<f64> {
+        Some(1.0)
     }
     fn shapes(&self, _survey: &Survey) -> Vec<f64> {
         vec![1.0, 0.5]

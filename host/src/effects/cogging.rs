@@ -24,17 +24,15 @@ use crate::format::{quantity, shortest};
 
 pub(super) struct Cogging;
 
+const WAVE: [Spec; 3] = [
+    Spec::new("amplitude", Quantity::Torque),
+    Spec::new("phase", Quantity::Phase),
+    Spec::new("periods", Quantity::Periodicity),
+];
+
 /// With a wave of twice the periods beside.
-pub(super) const OCTAVE: Overtone = Overtone {
-    plain: &Cogging,
-    parameters: &[
-        Spec::new("amplitude", Quantity::Torque),
-        Spec::new("phase", Quantity::Phase),
-        Spec::new("periods", Quantity::Periodicity),
-        SECOND_AMPLITUDE,
-        SECOND_PHASE,
-    ],
-};
+pub(super) const OCTAVE: Overtone =
+    Overtone { plain: &Cogging, parameters: &[WAVE[0], WAVE[1], WAVE[2], SECOND_AMPLITUDE, SECOND_PHASE] };
 
 impl Effect for Cogging {
     fn id(&self) -> &'static str {
@@ -47,13 +45,7 @@ impl Effect for Cogging {
         include_str!("cogging.rs")
     }
     fn parameters(&self) -> &'static [Spec] {
-        const {
-            &[
-                Spec::new("amplitude", Quantity::Torque),
-                Spec::new("phase", Quantity::Phase),
-                Spec::new("periods", Quantity::Periodicity),
-            ]
-        }
+        &WAVE
     }
     fn confusions(&self) -> &'static [Confusion] {
         const {

@@ -27,7 +27,7 @@
 //! resonance and antiresonance).
 
 use super::compliance_load_side::ComplianceLoadSide;
-use super::{Carried, Confusion, Coupling, Effect, Given, Inner, Motion, Quantity, Scale, Seat, Spec, Survey, geometric, undriven};
+use super::{Carried, Confusion, Coupling, Effect, Given, Inner, Motion, Quantity, Seat, Spec, Survey, geometric, undriven};
 use crate::format::quantity;
 
 /// Damping ratio of steel parts.
@@ -90,8 +90,11 @@ impl Effect for Compliance {
     fn inner(&self) -> Option<usize> {
         Some(1)
     }
-    fn shape(&self) -> Option<(usize, f64)> {
-        Some((2, DAMPING))
+    fn shape(&self) -> Option<usize> {
+        Some(2)
+    }
+    fn textbook(&self) -> Option<f64> {
+        Some(DAMPING)
     }
     fn grid(&self, survey: &Survey) -> Vec<f64> {
         // From what the windows resolve to what the samples do.
@@ -122,12 +125,6 @@ impl Effect for Compliance {
             ahead,
             ..Carried::default()
         }
-    }
-    fn named(&self, inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
-        vec![c[0], inner[0], inner[1]]
-    }
-    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
-        ([p[1], p[2]], vec![p[0]])
     }
     fn admissible(&self, c: &[f64]) -> bool {
         c[0] > 0.0

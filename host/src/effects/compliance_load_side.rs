@@ -68,8 +68,11 @@ impl Effect for ComplianceLoadSide {
     fn inner(&self) -> Option<usize> {
         Some(0)
     }
-    fn shape(&self) -> Option<(usize, f64)> {
-        Some((1, SOUGHT))
+    fn shape(&self) -> Option<usize> {
+        Some(1)
+    }
+    fn textbook(&self) -> Option<f64> {
+        Some(SOUGHT)
     }
     /// Neighbours are a bandwidth of the resonance apart.
     fn grid(&self, survey: &Survey) -> Vec<f64> {

@@ -11,7 +11,7 @@
 //! 107, 1985 (why simulators do); E. Pennestrì et al., Review and comparison of dry friction force models, Nonlinear
 //! Dynamics 83, 2016.
 
-use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Scale, Spec, Survey, geometric};
+use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Spec, Survey, geometric};
 use crate::format::quantity;
 
 /// Sought beside the effects of the catalogue.
@@ -68,12 +68,6 @@ impl Effect for Creep {
         } else {
             (at.v / inner[0]).tanh() - at.s
         };
-    }
-    fn named(&self, inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
-        vec![c[0], inner[0]]
-    }
-    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
-        ([p[1], 0.0], vec![p[0]])
     }
     fn admissible(&self, c: &[f64]) -> bool {
         c[0] > 0.0

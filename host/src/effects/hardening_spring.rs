@@ -18,7 +18,7 @@
 //! G. Duffing, Erzwungene Schwingungen bei veränderlicher Eigenfrequenz, 1918.
 
 use super::hardening_spring_off_centre::HardeningSpringOffCentre;
-use super::{Confusion, Effect, FREE, Inner, Motion, Point, Quantity, Scale, Spec};
+use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Spec};
 use crate::format::quantity;
 
 pub(super) struct HardeningSpring;
@@ -77,12 +77,6 @@ impl Effect for HardeningSpring {
     fn basis(&self, _inner: Inner, at: Point, out: &mut [f64]) {
         out[0] = at.q;
         out[1] = at.q * at.q * at.q;
-    }
-    fn named(&self, _inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
-        c.to_vec()
-    }
-    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
-        (FREE, p.to_vec())
     }
     fn admissible(&self, c: &[f64]) -> bool {
         c[1] > 0.0

@@ -3,7 +3,7 @@
 
 use super::hardening_spring::HardeningSpring;
 use super::spring_off_centre::SpringOffCentre;
-use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Scale, Spec, Survey};
+use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Spec, Survey};
 
 pub(super) struct HardeningSpringOffCentre;
 
@@ -50,12 +50,6 @@ impl Effect for HardeningSpringOffCentre {
     fn basis(&self, inner: Inner, at: Point, out: &mut [f64]) {
         let q = at.q - inner[0];
         (out[0], out[1]) = (q, q * q * q);
-    }
-    fn named(&self, inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
-        vec![c[0], c[1], inner[0]]
-    }
-    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
-        ([p[2], 0.0], vec![p[0], p[1]])
     }
     fn admissible(&self, c: &[f64]) -> bool {
         // What pushes away from the middle of a travel does not rest there.

@@ -19,8 +19,8 @@
 //! # References
 //! G. Tao, P. V. Kokotović, Adaptive control of plants with unknown dead-zones, IEEE TAC 39(1), 1994, eq. 2.1.
 
-use super::{Confusion, Effect, Given, Motion, Path, Quantity, Seat, Spec, Survey, geometric, uncut};
 use super::input_dead_zone_jump::InputDeadZoneJump;
+use super::{Confusion, Effect, Given, Motion, Path, Quantity, Seat, Spec, Survey, geometric, uncut};
 use crate::format::significant;
 
 pub(super) struct InputDeadZone;

@@ -20,7 +20,7 @@
 //! E. S. Page, Continuous inspection schemes, Biometrika 41, 1954 (cumulative sums); P. Perron, Dealing with structural
 //! breaks, Palgrave Handbook of Econometrics 1, 2006 (search over the instants).
 
-use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Scale, Search, Spec};
+use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Search, Spec};
 use crate::format::quantity;
 
 /// An instant that never comes, s: thirty years.
@@ -87,8 +87,11 @@ impl Effect for LoadStep {
     fn inner(&self) -> Option<usize> {
         Some(1)
     }
-    fn shape(&self) -> Option<(usize, f64)> {
-        Some((2, NEVER))
+    fn shape(&self) -> Option<usize> {
+        Some(2)
+    }
+    fn textbook(&self) -> Option<f64> {
+        Some(NEVER)
     }
     fn basis(&self, inner: Inner, at: Point, out: &mut [f64]) {
         // The share of the interval around this instant that lies within: smooth in `on` and `off`.
@@ -99,12 +102,6 @@ impl Effect for LoadStep {
         } else {
             f64::from(t >= inner[0] && t < inner[1])
         };
-    }
-    fn named(&self, inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
-        vec![c[0], inner[0], inner[1]]
-    }
-    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
-        ([p[1], p[2]], vec![p[0]])
     }
 }
 

@@ -229,14 +229,17 @@ pub trait Effect: Sync {
     fn includes(&self) -> Option<&'static str> {
         None
     }
-    /// Which parameter is a second inner one, if any, and the value that it has where nothing says otherwise; without a
-    /// search of its own it is only refined.
-    fn shape(&self) -> Option<(usize, f64)> {
+    /// Which parameter is a second inner one, if any; without a search of its own it is only refined.
+    fn shape(&self) -> Option<usize> {
+        None
+    }
+    /// The value of the second inner parameter where nothing says otherwise, if there is one.
+    fn textbook(&self) -> Option<f64> {
         None
     }
     /// Values of the second inner parameter to try with each value of the scanned one.
     fn shapes(&self, _survey: &Survey) -> Vec<f64> {
-        vec![self.shape().map_or(0.0, |(_, start)| start)]
+        vec![self.textbook().unwrap_or_default()]
     }
     /// Values of the scanned parameter to try, ascending; neighbours bracket an optimum.
     fn grid(&self, _survey: &Survey) -> Vec<f64> {
@@ -275,16 +278,18 @@ pub trait Effect: Sync {
     fn coupling(&self, _parameters: &[f64], _inertia: f64, _coulomb: f64) -> Option<Coupling> {
         None
     }
-    /// Named parameters from the linear solution. As it stands, for an effect that is its inner parameters alone.
-    fn named(&self, inner: Inner, _coefficients: &[f64], _scale: Scale) -> Vec<f64> {
-        inner[..self.parameters().len()].to_vec()
+    /// Named parameters from the linear solution. As it stands, the coefficients and then the inner parameters.
+    fn named(&self, inner: Inner, coefficients: &[f64], _scale: Scale) -> Vec<f64> {
+        let inner = inner.into_iter();
+        let all = coefficients.iter().copied().chain(inner);
+        all.take(self.parameters().len()).collect()
     }
-    /// The linear solution from named parameters: inner parameters and coefficients. As it stands, for an effect that is
-    /// its inner parameters alone.
+    /// The linear solution from named parameters: inner parameters and coefficients. As it stands, the other way round.
     fn linear(&self, parameters: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
+        let (coefficients, rest) = parameters.split_at(self.width());
         let mut inner = FREE;
-        inner[..parameters.len()].copy_from_slice(parameters);
-        (inner, Vec::new())
+        inner[..rest.len()].copy_from_slice(rest);
+        (inner, coefficients.to_vec())
     }
     /// Whether physics allows these coefficients.
     fn admissible(&self, _coefficients: &[f64]) -> bool {

@@ -1,9 +1,9 @@
 //! The way of the input to the axis: what an amplifier makes of the recorded `u`.
 
-/// Static limits first, then what shifts and smooths in time: `w = soft_limit(limit(dead_zone(threshold(u))))`, delayed, through a first-order
-/// lag, and through a spring that swings. Delay, lag and spring commute with each other, and a delay with anything. Lags in
-/// series, those of a winding and of what drives it, act as one of their sum, which is right to the first order in their time
-/// constants.
+/// Static limits first, then what shifts and smooths in time: `w = soft_limit(limit(dead_zone(threshold(u))))`, delayed,
+/// through a first-order lag, and through a spring that swings. Delay, lag and spring commute with each other, and a delay
+/// with anything. Lags in series, those of a winding and of what drives it, act as one of their sum, which is right to the
+/// first order in their time constants.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Path {
     /// Inputs up to this size do nothing; larger ones act in full.

@@ -27,17 +27,15 @@ use crate::format::quantity;
 
 pub(super) struct PeriodicDisturbance;
 
+const WAVE: [Spec; 3] = [
+    Spec::new("amplitude", Quantity::Torque),
+    Spec::new("phase", Quantity::Phase),
+    Spec::within("frequency", Quantity::Frequency, (0.0, f64::INFINITY)),
+];
+
 /// With a wave of twice the periods beside.
-pub(super) const OCTAVE: Overtone = Overtone {
-    plain: &PeriodicDisturbance,
-    parameters: &[
-        Spec::new("amplitude", Quantity::Torque),
-        Spec::new("phase", Quantity::Phase),
-        Spec::within("frequency", Quantity::Frequency, (0.0, f64::INFINITY)),
-        SECOND_AMPLITUDE,
-        SECOND_PHASE,
-    ],
-};
+pub(super) const OCTAVE: Overtone =
+    Overtone { plain: &PeriodicDisturbance, parameters: &[WAVE[0], WAVE[1], WAVE[2], SECOND_AMPLITUDE, SECOND_PHASE] };
 
 impl Effect for PeriodicDisturbance {
     fn id(&self) -> &'static str {
@@ -50,13 +48,7 @@ impl Effect for PeriodicDisturbance {
         include_str!("periodic_disturbance.rs")
     }
     fn parameters(&self) -> &'static [Spec] {
-        const {
-            &[
-                Spec::new("amplitude", Quantity::Torque),
-                Spec::new("phase", Quantity::Phase),
-                Spec::within("frequency", Quantity::Frequency, (0.0, f64::INFINITY)),
-            ]
-        }
+        &WAVE
     }
     fn confusions(&self) -> &'static [Confusion] {
         const {

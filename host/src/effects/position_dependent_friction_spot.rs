@@ -2,9 +2,7 @@
 //! `d` is the distance from `centre`; on a rotary axis the chord `2·sin(½·(q − centre))`, as the place comes by with each turn.
 
 use super::position_dependent_friction::PositionDependentFriction;
-use super::{
-    Confusion, Effect, Impostor, Inner, Motion, Point, Quantity, Scale, Spec, Survey, geometric,
-};
+use super::{Confusion, Effect, Impostor, Inner, Motion, Point, Quantity, Spec, Survey, geometric};
 use crate::format::quantity;
 
 /// Places along the travel that are tried, or around the turn, up to one narrowest spread apart.
@@ -76,8 +74,8 @@ impl Effect for PositionDependentFrictionSpot {
         let step = length / PLACES as f64;
         (0..=PLACES).map(|k| low + k as f64 * step).collect()
     }
-    fn shape(&self) -> Option<(usize, f64)> {
-        Some((2, 1.0))
+    fn shape(&self) -> Option<usize> {
+        Some(2)
     }
     fn shapes(&self, survey: &Survey) -> Vec<f64> {
         let (_, length) = range(survey);
@@ -90,12 +88,6 @@ impl Effect for PositionDependentFrictionSpot {
             Motion::Linear => at.q - centre,
         };
         out[0] = at.s * (-0.5 * (distance / spread).powi(2)).exp();
-    }
-    fn named(&self, inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
-        vec![c[0], inner[0], inner[1]]
-    }
-    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
-        ([p[1], p[2]], vec![p[0]])
     }
 }
 

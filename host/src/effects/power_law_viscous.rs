@@ -19,7 +19,7 @@
 //! C. W. Kennedy, J. P. Desai, Modeling and control of the Mitsubishi PA-10 robot arm harmonic drive system,
 //! IEEE/ASME Trans. Mechatronics 10(3), 2005; W. Ostwald, A. de Waele, 1923 (power-law fluids).
 
-use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Scale, Spec, Survey};
+use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Spec, Survey};
 use crate::format::significant;
 
 /// Below, the curve is a Coulomb step within what a recording resolves; above, a viscous line.
@@ -73,12 +73,6 @@ impl Effect for PowerLawViscous {
     }
     fn basis(&self, inner: Inner, at: Point, out: &mut [f64]) {
         out[0] = at.s * at.v.abs().powf(inner[0]);
-    }
-    fn named(&self, inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
-        vec![c[0], inner[0]]
-    }
-    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
-        ([p[1], 0.0], vec![p[0]])
     }
     fn admissible(&self, c: &[f64]) -> bool {
         c[0] > 0.0

@@ -16,7 +16,7 @@
 //! # References
 //! H. Olsson et al., Friction models and friction compensation, European Journal of Control 4(3), 1998.
 
-use super::{Confusion, Effect, FREE, Inner, Motion, Point, Quantity, Scale, Spec};
+use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Spec};
 use crate::format::quantity;
 
 pub(super) struct QuadraticDrag;
@@ -56,12 +56,6 @@ impl Effect for QuadraticDrag {
     }
     fn basis(&self, _inner: Inner, at: Point, out: &mut [f64]) {
         out[0] = at.v * at.v.abs();
-    }
-    fn named(&self, _inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
-        c.to_vec()
-    }
-    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
-        (FREE, p.to_vec())
     }
     fn admissible(&self, c: &[f64]) -> bool {
         c[0] > 0.0

@@ -19,8 +19,8 @@
 //! # References
 //! K. J. Åström, L. Rundqwist, Integrator windup and how to avoid it, American Control Conference 1989.
 
-use super::{Confusion, Effect, Given, Motion, Path, Quantity, Seat, Spec, Survey, geometric, uncut};
 use super::saturation_soft::SaturationSoft;
+use super::{Confusion, Effect, Given, Motion, Path, Quantity, Seat, Spec, Survey, geometric, uncut};
 use crate::format::significant;
 
 pub(super) struct Saturation;

@@ -19,7 +19,7 @@
 //! B. Armstrong-Hélouvry, Control of Machines with Friction, 1991 (mass-spring system with friction).
 
 use super::spring_off_centre::SpringOffCentre;
-use super::{Confusion, Effect, FREE, Inner, Motion, Point, Quantity, Scale, Spec};
+use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Spec};
 use crate::format::quantity;
 
 pub(super) struct Spring;
@@ -66,12 +66,6 @@ impl Effect for Spring {
     }
     fn basis(&self, _inner: Inner, at: Point, out: &mut [f64]) {
         out[0] = at.q;
-    }
-    fn named(&self, _inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
-        c.to_vec()
-    }
-    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
-        (FREE, p.to_vec())
     }
     fn admissible(&self, c: &[f64]) -> bool {
         c[0] > 0.0

@@ -1,7 +1,7 @@
 //! A spring that rests elsewhere than where the position counts from: `τ = stiffness·(q − rest)`.
 
 use super::spring::Spring;
-use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Scale, Spec, Survey};
+use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Spec, Survey};
 
 /// Rest positions that are tried: between neighbours what a spring does is smooth.
 const PLACES: usize = 15;
@@ -43,12 +43,6 @@ impl Effect for SpringOffCentre {
     }
     fn basis(&self, inner: Inner, at: Point, out: &mut [f64]) {
         out[0] = at.q - inner[0];
-    }
-    fn named(&self, inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
-        vec![c[0], inner[0]]
-    }
-    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
-        ([p[1], 0.0], vec![p[0]])
     }
     fn admissible(&self, c: &[f64]) -> bool {
         Spring.admissible(c)

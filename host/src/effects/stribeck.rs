@@ -74,8 +74,11 @@ impl Effect for Stribeck {
     fn inner(&self) -> Option<usize> {
         Some(1)
     }
-    fn shape(&self) -> Option<(usize, f64)> {
-        Some((2, EXPONENT))
+    fn shape(&self) -> Option<usize> {
+        Some(2)
+    }
+    fn textbook(&self) -> Option<f64> {
+        Some(EXPONENT)
     }
     fn grid(&self, survey: &Survey) -> Vec<f64> {
         // From where the sign of velocity is known to where the curve blends into the viscous part.

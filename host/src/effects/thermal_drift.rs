@@ -19,7 +19,7 @@
 //! L. Simoni, M. Beschi, G. Legnani, A. Visioli, Modelling the temperature in joint friction of industrial
 //! manipulators, Robotica 37(5), 2019 (friction that follows a first-order temperature).
 
-use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Scale, Spec, Survey, geometric};
+use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Spec, Survey, geometric};
 use crate::format::quantity;
 
 pub(super) struct ThermalDrift;
@@ -81,12 +81,6 @@ impl Effect for ThermalDrift {
     fn basis(&self, inner: Inner, at: Point, out: &mut [f64]) {
         let left = (-at.moment.t / inner[0]).exp();
         (out[0], out[1]) = (at.s * left, at.v * left);
-    }
-    fn named(&self, inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
-        vec![c[0], c[1], inner[0]]
-    }
-    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
-        ([p[2], 0.0], vec![p[0], p[1]])
     }
 }
 

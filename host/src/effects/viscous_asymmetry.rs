@@ -17,7 +17,7 @@
 //! # References
 //! A. Janot, M. Gautier, M. Brunot, Data Set and Reference Models of EMPS, 2019 (direction-dependent model).
 
-use super::{Confusion, Derived, Effect, FREE, Inner, Motion, Point, Quantity, Scale, Spec};
+use super::{Confusion, Derived, Effect, Inner, Motion, Point, Quantity, Spec};
 use crate::format::quantity;
 
 pub(super) struct ViscousAsymmetry;
@@ -58,12 +58,6 @@ impl Effect for ViscousAsymmetry {
     }
     fn basis(&self, _inner: Inner, at: Point, out: &mut [f64]) {
         out[0] = at.v.abs();
-    }
-    fn named(&self, _inner: Inner, c: &[f64], _scale: Scale) -> Vec<f64> {
-        c.to_vec()
-    }
-    fn linear(&self, p: &[f64], _scale: Scale) -> (Inner, Vec<f64>) {
-        (FREE, p.to_vec())
     }
     fn derived(&self) -> &'static [Derived] {
         const {

@@ -589,7 +589,12 @@ fn with_starts(problem: &Problem, model: &Model) -> Model {
     let survey = problem.survey(model);
     for term in &mut started.terms {
         model.begin_fall(term);
-        if let Some((shape, start)) = term.effect.shape() {
+        if let Some(shape) = term.effect.shape() {
+            let middle = || {
+                let tried = term.effect.shapes(&survey);
+                tried[tried.len() / 2]
+            };
+            let start = term.effect.textbook().unwrap_or_else(middle);
             let parameter = &mut term.parameters[shape];
             parameter.value = Some(parameter.value.unwrap_or_else(|| parameter.clamp(start)));
         }

@@ -392,7 +392,7 @@ fn term(effect: &'static dyn Effect, table: &dyn TableLike) -> Checked<Term> {
         .map(|name| parameter(table, &section, name).map(Option::unwrap_or_default))
         .collect::<Checked<Vec<_>>>()?;
     // A shape left out beside given numbers has the textbook value.
-    if let Some((shape, textbook)) = effect.shape()
+    if let Some((shape, textbook)) = effect.shape().zip(effect.textbook())
         && !table.contains_key(names[shape])
         && parameters.iter().any(|p| p.known)
     {

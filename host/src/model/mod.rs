@@ -172,7 +172,7 @@ impl Model {
     pub fn is_linear(&self, k: usize) -> bool {
         let mut first = 4;
         for term in &self.terms {
-            let shape = term.effect.shape().map(|(shape, _)| shape);
+            let shape = term.effect.shape();
             if let Some(own) = k.checked_sub(first)
                 && own < term.parameters.len()
             {

@@ -27,7 +27,7 @@ impl Ground<'_> {
             blocks.extend(self.columns(&model).into_iter().next());
         }
         let (on, off) = self.projection().best_interval(&blocks);
-        let forever = term.effect.shape().map_or(end, |(_, forever)| forever);
+        let forever = term.effect.textbook().unwrap_or(end);
         let inner = [
             border(on),
             if off == BLOCKS { forever } else { border(off) },
@@ -103,7 +103,7 @@ pub fn tell_later_ends(problem: &Problem, noise: &Noise, model: &mut Model) {
         };
         let step = (to - from) / BLOCKS as f64;
         let closer = |off: f64| best(((off - step).max(from), (off + step).min(to)));
-        let forever = term.effect.shape().map_or(to, |(_, forever)| forever);
+        let forever = term.effect.textbook().unwrap_or(to);
         let price = 2.0 * (BLOCKS as f64).ln() + (problem.count(Part::HeldOut) as f64).ln();
         let ends = best((from, to)).and_then(closer);
         let off = ends.filter(|off| error(forever) - error(*off) > price);

@@ -514,7 +514,7 @@ impl<'a> Ground<'a> {
 
 /// Gives the inner parameters that a term leaves open values, within its bounds.
 pub fn set_inner(term: &mut Term, inner: Inner) {
-    let second = term.effect.shape().map(|(k, _)| k);
+    let second = term.effect.shape();
     for (at, value) in [term.effect.inner(), second].into_iter().zip(inner) {
         if let Some(parameter) = at.map(|k| &mut term.parameters[k])
             && !parameter.known
