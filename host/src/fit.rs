@@ -86,19 +86,18 @@ impl Along {
         }
     }
 
-    /// Where a free run from a sample on starts. Before the first one nothing has been measured, so all else is at ease
-    /// there; and at rest only what follows would tell how bristles are bent.
+    /// Where a free run from a sample on starts. Before the first one nothing has been measured, so a load is at ease there, and
+    /// bristles are as [`Track::bend`] has them; at rest only what follows would tell how they are bent.
     pub fn start(&self, recording: &Recording, track: &Track, sample: usize) -> Start {
         let (node, _) = node(recording, track, sample);
         let start = Start::from(measured_state(recording, track, sample));
-        if node == 0 {
-            return start;
-        }
         let slides = |cell: usize| track.sliding.get(cell).is_some_and(|s| *s > 0.0);
-        let cells = self.bend.get(node - 1).zip(self.bend.get(node));
-        let bend = cells.filter(|_| slides(node - 1) && slides(node));
+        let before = node.saturating_sub(1);
+        let cells = self.bend.get(before).zip(self.bend.get(node));
+        let bend = cells.filter(|_| slides(before) && slides(node));
+        let load = self.load.get(node).filter(|_| node > 0);
         Start {
-            load: self.load.get(node).copied(),
+            load: load.copied(),
             bend: bend.map(|(before, after)| 0.5 * (before + after)),
             ..start
         }
@@ -449,4 +448,34 @@ pub fn inverse(axis: &Axis, recording: &Recording, track: &Track) -> Vec<f64> {
             (0..rounds).fold(0.0, |u, _| needed(u))
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A recording may begin just as the axis sets off, with bristles that have hardly bent.
+    #[test]
+    fn an_axis_that_sets_off_has_straight_bristles() {
+        let model = "[plant]\nmotion = \"rotary\"\ngain = 1.0\ninertia = 0.01\n\n[friction]\nmodel = \"dahl\"\n\
+            coulomb = 0.3\nviscous = 0.0\nbristle_stiffness = 3.0\n";
+        let model = Model::parse(model).unwrap();
+        let t: Vec<f64> = (0..2000).map(|k| 1e-3 * f64::from(k)).collect();
+        let recording = Recording {
+            q: Some(t.iter().map(|t| 0.05 * t + 2.0 * t * t).collect()),
+            u: vec![0.0; t.len()],
+            t,
+            ..Recording::default()
+        };
+        let track = Track::new(&recording, model.motion, None);
+        let axis = Axis::new(&model).unwrap();
+        let bend = |sample| {
+            Along::new(&axis, &track)
+                .start(&recording, &track, sample)
+                .bend
+        };
+        // Sliding bends them by 0.1 rad.
+        assert!(bend(0).unwrap() < 0.01, "{:?}", bend(0));
+        assert!(bend(1500).unwrap() > 0.09, "{:?}", bend(1500));
+    }
 }
