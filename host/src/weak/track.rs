@@ -137,6 +137,8 @@ const VELOCITY_NOISE: f64 = 0.005;
 const VELOCITY_NOISE_ALONE: f64 = 0.002;
 /// Velocities within this many standard deviations of zero have no certain direction.
 const SLOW: f64 = 3.0;
+/// Standard deviations of the position noise in half a step of a quantiser: `½·√12`.
+const HALF_A_STEP: f64 = 1.732;
 /// Travel of this many standard deviations of the position noise is certain: more than one step of a quantiser.
 const CERTAIN_TRAVEL: f64 = 4.0;
 /// Speed at the first sample, beyond its noise, up to which the axis begins at rest, as a share of the RMS speed: one that
@@ -247,7 +249,7 @@ impl Track {
             track.sharpen(reversal, half);
         }
         track.fill_cells(motion);
-        track.find_rest(half + 1);
+        track.find_rest();
         for reversal in &reversals {
             track.place(reversal);
         }
@@ -405,8 +407,14 @@ impl Track {
             .collect();
     }
 
-    /// Rest in stretches of at least `shortest` samples in which velocity cannot be told from zero.
-    fn find_rest(&mut self, shortest: usize) {
+    /// Samples of a velocity that cannot be told from zero that are a rest: more than the filter reaches to one side.
+    fn rest(&self) -> usize {
+        (self.smoothing.half_width / self.period).round() as usize + 1
+    }
+
+    /// Rest in stretches in which velocity cannot be told from zero.
+    fn find_rest(&mut self) {
+        let shortest = self.rest();
         let slow = SLOW * self.velocity_noise;
         self.sliding = vec![1.0; self.cells.len()];
         let mut run = 0;
@@ -425,18 +433,53 @@ impl Track {
     /// Stretches of certain direction: first node, one past the last, direction.
     fn stretches(&self) -> Vec<(usize, usize, f64)> {
         let slow = SLOW * self.velocity_noise;
-        let mut stretches: Vec<(usize, usize, f64)> = Vec::new();
+        let mut pieces: Vec<(usize, usize, f64)> = Vec::new();
         for (k, v) in self.v.iter().enumerate().filter(|(_, v)| v.abs() > slow) {
-            match stretches.last_mut() {
-                Some(last) if last.2 == v.signum() => last.1 = k + 1,
-                _ => stretches.push((k, k + 1, v.signum())),
+            match pieces.last_mut() {
+                Some(last) if last.2 == v.signum() && k - last.1 < self.rest() => last.1 = k + 1,
+                _ => pieces.push((k, k + 1, v.signum())),
             }
         }
-        // A filter overshoots where an axis stops short; there, positions stay where they are.
-        stretches.retain(|&(from, to, direction)| {
-            direction * (self.q[to - 1] - self.q[from]) > CERTAIN_TRAVEL * self.position_noise
-        });
-        stretches
+        let travel = |&(from, to, direction): &(usize, usize, f64)| {
+            direction * (self.q[to - 1] - self.q[from]) / self.position_noise
+        };
+        // A filter overshoots where an axis stops short, and before it sets off; there, positions stay where they are.
+        let moves = |one_way: &[(usize, usize, f64)]| {
+            let moving = |piece: &(usize, usize, f64)| travel(piece) > HALF_A_STEP;
+            let first = one_way.iter().position(moving)?;
+            let last = one_way.iter().rposition(moving)?;
+            let (mut from, mut to) = (one_way[first].0, one_way[last].1);
+            if first > 0 && from - one_way[first - 1].1 <= self.hidden(from, true) {
+                from = one_way[0].0;
+            }
+            if let Some(next) = one_way.get(last + 1)
+                && next.0 - to <= self.hidden(to - 1, false)
+            {
+                to = one_way[one_way.len() - 1].1;
+            }
+            Some((from, to, one_way[0].2))
+        };
+        let one_way = pieces.chunk_by(|a, b| a.2 == b.2).filter_map(moves);
+        one_way
+            .filter(|stretch| travel(stretch) > CERTAIN_TRAVEL)
+            .collect()
+    }
+
+    /// Nodes up to which a stretch of unknown motion before a node, `ahead` of which an axis moves off, or behind one that it comes up
+    /// to, may be motion to more than a fifth. Positions hide it for up to twice as many as it takes from a certain travel to four
+    /// times as much: as many if it moves off evenly, 1.7 times as many if a drive that rises evenly sets it free.
+    fn hidden(&self, node: usize, ahead: bool) -> usize {
+        let certain = CERTAIN_TRAVEL * self.position_noise;
+        let last = self.q.len() - 1;
+        let reached = |travel: f64| {
+            let off = |k: &usize| (self.q[*k] - self.q[node]).abs() >= travel;
+            if ahead {
+                (node..=last).find(off).unwrap_or(last)
+            } else {
+                (0..=node).rev().find(off).unwrap_or(0)
+            }
+        };
+        5 * 2 * reached(4.0 * certain).abs_diff(reached(certain))
     }
 
     /// Bars the cells around reversals at which friction is of unknown direction, or none at all, for longer than a share of
@@ -807,6 +850,24 @@ mod tests {
         let track = Track::new(&recording, Motion::Rotary, None);
         assert!(track.sliding[1100..1900].iter().all(|&s| s == 0.0));
         assert!(track.sliding[100..900].iter().all(|&s| s == 1.0));
+    }
+
+    /// It brakes and stops with a jerk, of which the filter makes a little motion back; after a while it does move back.
+    #[test]
+    fn rest_before_a_reversal_is_none_of_it() {
+        let t: Vec<f64> = (0..1000).map(|k| f64::from(k) * 2e-3).collect();
+        let q = |t: f64| 0.5 * (2.0 * (1.001 - t).max(0.0).powi(2) + (t - 1.3).max(0.0).powi(2));
+        let recording = Recording {
+            path: "stop.csv".into(),
+            u: vec![0.0; t.len()],
+            q: Some(t.iter().map(|&t| -(q(t) / 1e-7).round() * 1e-7).collect()),
+            t,
+            ..Recording::default()
+        };
+        let track = Track::new(&recording, Motion::Rotary, None);
+        assert!(track.sliding[502..648].iter().all(|&s| s == 0.0));
+        assert!(track.sliding[..499].iter().all(|&s| s == 1.0));
+        assert!(track.sliding[652..].iter().all(|&s| s == 1.0));
     }
 
     /// At 1 rad/s² a coarse encoder hides some 50 ms on either side of the halt, a fine one 5 ms, and a rest is no part of it.
