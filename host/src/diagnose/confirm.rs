@@ -212,7 +212,9 @@ fn refuted(
     let holds = counts && (dominates && !acts || shows());
     let shows_again = !few && held_out.shows_again();
     let without_it = fit::parts(&without, recordings, &bench.problem.tracks)?;
-    let stays = holds && !worsens(with_it, &without_it, after.causality, shows_again);
+    let worse = worsens(with_it, &without_it, after.causality, shows_again)
+        && !(dominates && outweighs(with_it, &without_it));
+    let stays = holds && !worse;
     Ok((!stays).then_some((without, without_it)))
 }
 
@@ -290,6 +292,13 @@ pub(super) fn worsens(
     !(shows_again && 2 * better > rises.len()) && (doubles || students_t(&rises) > chance)
 }
 
+/// Whether one model halves the squared error of another over the whole, where the held-out part has too few windows to show a scatter
+/// and the error there does not double.
+fn outweighs(with: &Parts, without: &Parts) -> bool {
+    let doubles = without.held_out().halves(&with.held_out());
+    with.held_out.len() < FEWEST_WINDOWS && !doubles && 2.0 * with.squares() < without.squares()
+}
+
 /// Whether the axis moves enough in the held-out part, beside the training part, for a free run to say anything.
 pub(super) fn moves(train: &fit::Error, held_out: &fit::Error) -> bool {
     held_out.signal > LEAST_MOTION * train.signal
@@ -335,6 +344,25 @@ mod tests {
         assert!(!worse(one_more(0.1), true) && worse(one_more(0.1), false));
         assert!(worse(one_more(0.25), true));
         assert!(!worse(others_less(0.25), true) && worse(others_less(0.25), false));
+    }
+
+    /// One window that errs a little more says less than all others that err much less; four say what they say.
+    #[test]
+    fn few_windows_do_not_outweigh_the_rest() {
+        let outweighs = |with: [f64; 2], without: [f64; 2], count: usize| {
+            let parts = |[train, held_out]: [f64; 2]| {
+                let window = |square: f64| fit::of_force(1.0 + square.sqrt(), 1.0);
+                Parts {
+                    train: vec![window(train); 3],
+                    held_out: vec![window(held_out); count],
+                }
+            };
+            super::outweighs(&parts(with), &parts(without))
+        };
+        assert!(outweighs([0.01, 0.06], [0.5, 0.04], 1));
+        assert!(!outweighs([0.01, 0.06], [0.5, 0.04], 4));
+        assert!(!outweighs([0.01, 0.09], [0.5, 0.04], 1));
+        assert!(!outweighs([0.04, 0.06], [0.06, 0.04], 1));
     }
 
     /// Where the axis hardly moves in the held-out part, that part alone says nothing.
