@@ -332,7 +332,9 @@ fn judged(
     let given = given::refuted(bench, before, (base_error, remaining))?;
     let impostor = impostor(benches, &selected, &after, before)?;
     let added = &after.terms[before.terms.len()..];
-    let nameless = pieced(added, leftover.certain) || impostor.is_some();
+    // A search that ends at the bound on names has not come to an end.
+    let endless = selected.len() >= select::MOST;
+    let nameless = endless || pieced(added, leftover.certain) || impostor.is_some();
     let misnamed = given.is_some() || nameless || significant && reached < SHARE_OF_GENERIC;
     let selection = if misnamed && !selected.is_empty() {
         leftover = leftover::of(bench, before)?;

@@ -27,8 +27,8 @@ pub(super) const SOUGHT: f64 = 0.03;
 pub(super) const CERTAIN: f64 = 1.83;
 /// Least fall of BIC: odds of e³ against the simpler model beyond the price of parameters and search.
 pub(super) const LEAST_DELTA_BIC: f64 = 6.0;
-/// Most effects named at once.
-const MOST: usize = 5;
+/// Effects at which a search ends. Then they are not named: see [`super::judged`].
+pub(super) const MOST: usize = 5;
 
 /// An effect that was selected, with what it competed against.
 #[derive(Clone)]
@@ -143,10 +143,13 @@ pub(super) fn select(
         // What rows give evidence for need not be where the whole model fits.
         let fits = |(_, next): &(Selected, Model)| bench.chi2(next) < bench.chi2(&current);
         let fitted = forms::in_best(bench, &current, found).ok();
-        let Some((found, next)) = fitted.filter(fits) else {
+        let Some((found, mut next)) = fitted.filter(fits) else {
             unfit.push(id);
             continue;
         };
+        if selected.is_empty() && !scope.fast {
+            next = anew(bench, next);
+        }
         selected.push(found);
         // What narrow windows show says nothing of the others.
         current = if scope.fast {
@@ -165,6 +168,16 @@ pub(super) fn select(
         return select(scope, model, pair, recordings, progress);
     }
     Ok((selected, current))
+}
+
+/// A model as it is fitted with its law sought anew, if it fits better so: one that has bent to what was left out may not find the way
+/// back by itself.
+fn anew(bench: &Workbench, model: Model) -> Model {
+    let fitted = identify::reopened(&model).map(|open| bench.estimate(&open));
+    match fitted {
+        Some(Ok((anew, chi2))) if chi2 < bench.chi2(&model) => anew,
+        _ => model,
+    }
 }
 
 /// Trials that are fitted in full.
