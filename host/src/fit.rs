@@ -243,6 +243,11 @@ impl Parts {
     pub fn squares(&self) -> f64 {
         total(&self.train).squares() + total(&self.held_out).squares()
     }
+
+    /// Whether that is less than half of what it was.
+    pub fn halves(&self, before: &Self) -> bool {
+        self.squares() < 0.5 * before.squares()
+    }
 }
 
 fn total(windows: &[Sums]) -> Sums {

@@ -132,9 +132,7 @@ fn outpredicted(
     if !moves(&with_it.train(), &with_it.held_out()) {
         return Ok(Vec::new());
     }
-    let better = |a: &Parts, b: &Parts| {
-        a.held_out().halves(&b.held_out()) && a.squares() < 0.5 * b.squares()
-    };
+    let better = |a: &Parts, b: &Parts| a.held_out().halves(&b.held_out()) && a.halves(b);
     for (k, own) in selected.iter().enumerate() {
         let term = before.terms.len() + k;
         let lacking = select::without(after, term);
@@ -296,7 +294,7 @@ pub(super) fn worsens(
 /// and the error there does not double.
 fn outweighs(with: &Parts, without: &Parts) -> bool {
     let doubles = without.held_out().halves(&with.held_out());
-    with.held_out.len() < FEWEST_WINDOWS && !doubles && 2.0 * with.squares() < without.squares()
+    with.held_out.len() < FEWEST_WINDOWS && !doubles && with.halves(without)
 }
 
 /// Whether the axis moves enough in the held-out part, beside the training part, for a free run to say anything.

@@ -148,7 +148,9 @@ pub(super) fn select(
             continue;
         };
         if selected.is_empty() && !scope.fast {
-            next = anew(bench, next);
+            // A law that has bent to what was left out may not find the way back by itself.
+            let found = (next.clone(), bench.chi2(&next));
+            (next, _) = bench.or_anew(&next, found);
         }
         selected.push(found);
         // What narrow windows show says nothing of the others.
@@ -168,16 +170,6 @@ pub(super) fn select(
         return select(scope, model, pair, recordings, progress);
     }
     Ok((selected, current))
-}
-
-/// A model as it is fitted with its law sought anew, if it fits better so: one that has bent to what was left out may not find the way
-/// back by itself.
-fn anew(bench: &Workbench, model: Model) -> Model {
-    let fitted = identify::reopened(&model).map(|open| bench.estimate(&open));
-    match fitted {
-        Some(Ok((anew, chi2))) if chi2 < bench.chi2(&model) => anew,
-        _ => model,
-    }
 }
 
 /// Trials that are fitted in full.

@@ -308,12 +308,20 @@ impl Workbench {
     pub fn estimate(&self, model: &Model) -> Result<(Model, f64)> {
         let found = self.estimated(model)?;
         // Bristles that were found beside less than the model has now may have no way from there to where they fit.
-        let again = (self.ran_away(&found.0)).then(|| reopened(model));
-        let again = again.flatten().map(|model| self.estimated(&model));
-        Ok(match again {
-            Some(Ok(again)) if again.1 < found.1 => again,
-            _ => found,
+        Ok(if self.ran_away(&found.0) {
+            self.or_anew(model, found)
+        } else {
+            found
         })
+    }
+
+    /// What was found, or what is with the bristles and the fall of friction of a model sought anew, if that fits better.
+    pub fn or_anew(&self, model: &Model, found: (Model, f64)) -> (Model, f64) {
+        let anew = reopened(model).map(|open| self.estimated(&open));
+        match anew {
+            Some(Ok(anew)) if anew.1 < found.1 => anew,
+            _ => found,
+        }
     }
 
     /// The χ² of an estimated model. That of a [`Ground`], whose columns follow from the numbers of the model where a gap is, is of

@@ -53,6 +53,11 @@ pub struct Smoothing {
 }
 
 impl Smoothing {
+    /// Half-width of the filter at a sampling interval, in samples.
+    fn half(&self, period: f64) -> usize {
+        (self.half_width / period).round() as usize
+    }
+
     /// By a filter of half the width.
     #[must_use]
     pub fn finer(&self) -> Self {
@@ -141,6 +146,11 @@ const SLOW: f64 = 3.0;
 const HALF_A_STEP: f64 = 1.732;
 /// Travel of this many standard deviations of the position noise is certain: more than one step of a quantiser.
 const CERTAIN_TRAVEL: f64 = 4.0;
+/// How many times as long an axis may move before its positions tell as it takes from a certain travel to four times as much: as
+/// long if it moves off evenly, 1.7 times if a drive that rises evenly sets it free.
+const HIDDEN: usize = 2;
+/// How many times as long as that a rest must be to be plain: four fifths of it are rest at least.
+const PLAINLY: usize = 5;
 /// Speed at the first sample, beyond its noise, up to which the axis begins at rest, as a share of the RMS speed: one that
 /// passes by at random is as slow in about one of fifty cases.
 const AT_REST: f64 = 0.02;
@@ -375,7 +385,7 @@ impl Track {
 
     /// Smooths with a given filter, and returns it.
     fn differentiate_as(&mut self, smoothing: Smoothing, velocity_only: bool) -> Differentiator {
-        let half = (smoothing.half_width / self.period).round() as usize;
+        let half = smoothing.half(self.period);
         let filter = Differentiator::new(half.max(FILTERS[0]).min((self.q.len() - 1) / 2));
         let slopes = filter.apply(&self.q);
         self.v = slopes.iter().map(|d| d / self.period).collect();
@@ -409,7 +419,7 @@ impl Track {
 
     /// Samples of a velocity that cannot be told from zero that are a rest: more than the filter reaches to one side.
     fn rest(&self) -> usize {
-        (self.smoothing.half_width / self.period).round() as usize + 1
+        self.smoothing.half(self.period) + 1
     }
 
     /// Rest in stretches in which velocity cannot be told from zero.
@@ -432,11 +442,11 @@ impl Track {
 
     /// Stretches of certain direction: first node, one past the last, direction.
     fn stretches(&self) -> Vec<(usize, usize, f64)> {
-        let slow = SLOW * self.velocity_noise;
+        let (slow, rest) = (SLOW * self.velocity_noise, self.rest());
         let mut pieces: Vec<(usize, usize, f64)> = Vec::new();
         for (k, v) in self.v.iter().enumerate().filter(|(_, v)| v.abs() > slow) {
             match pieces.last_mut() {
-                Some(last) if last.2 == v.signum() && k - last.1 < self.rest() => last.1 = k + 1,
+                Some(last) if last.2 == v.signum() && k - last.1 < rest => last.1 = k + 1,
                 _ => pieces.push((k, k + 1, v.signum())),
             }
         }
@@ -466,20 +476,23 @@ impl Track {
     }
 
     /// Nodes up to which a stretch of unknown motion before a node, `ahead` of which an axis moves off, or behind one that it comes up
-    /// to, may be motion to more than a fifth. Positions hide it for up to twice as many as it takes from a certain travel to four
-    /// times as much: as many if it moves off evenly, 1.7 times as many if a drive that rises evenly sets it free.
+    /// to, is not [`PLAINLY`] rest: positions may hide that it moves for [`HIDDEN`] times as many as it takes from a certain travel to
+    /// four times as much.
     fn hidden(&self, node: usize, ahead: bool) -> usize {
         let certain = CERTAIN_TRAVEL * self.position_noise;
+        let off = |travel: f64| self.first_off(self.q[node], travel, node, ahead);
+        PLAINLY * HIDDEN * off(4.0 * certain).abs_diff(off(certain))
+    }
+
+    /// The first node from one on, or back, that is off a place by a travel, or the last on that side.
+    fn first_off(&self, place: f64, travel: f64, from: usize, ahead: bool) -> usize {
+        let off = |k: &usize| (self.q[*k] - place).abs() >= travel;
         let last = self.q.len() - 1;
-        let reached = |travel: f64| {
-            let off = |k: &usize| (self.q[*k] - self.q[node]).abs() >= travel;
-            if ahead {
-                (node..=last).find(off).unwrap_or(last)
-            } else {
-                (0..=node).rev().find(off).unwrap_or(0)
-            }
-        };
-        5 * 2 * reached(4.0 * certain).abs_diff(reached(certain))
+        if ahead {
+            (from..=last).find(off).unwrap_or(last)
+        } else {
+            (0..=from).rev().find(off).unwrap_or(0)
+        }
     }
 
     /// Bars the cells around reversals at which friction is of unknown direction, or none at all, for longer than a share of
@@ -497,10 +510,8 @@ impl Track {
         for pair in turns {
             let (halt, start) = (pair[0].1 - 1, pair[1].0);
             let place = 0.5 * (self.q[halt] + self.q[start]);
-            let off = |k: &usize, x: f64| (self.q[*k] - place).abs() >= x;
-            let before = |x| (0..=halt).rev().find(|k| off(k, x)).unwrap_or(0);
-            let last = self.q.len() - 1;
-            let after = |x| (start..=last).find(|k| off(k, x)).unwrap_or(last);
+            let before = |travel| self.first_off(place, travel, halt, false);
+            let after = |travel| self.first_off(place, travel, start, true);
             let (from, to) = (before(travel), after(travel));
             let uncertain = from - before(4.0 * travel) + after(4.0 * travel) - to;
             if uncertain as f64 > longest {
