@@ -659,7 +659,9 @@ const HEAVIEST_LOAD: f64 = 0.95;
 fn allowed(term: &Term, coefficients: &[f64], inertia: Option<f64>, level_holds: bool) -> bool {
     let heaviest = HEAVIEST_LOAD * inertia.unwrap_or(f64::INFINITY);
     let carried = !term.effect.hangs() || coefficients.iter().all(|c| *c < heaviest);
-    carried && (!term.falls() || level_holds) && term.effect.admissible(coefficients)
+    carried
+        && (!(term.falls() || term.effect.shapes_level()) || level_holds)
+        && term.effect.admissible(coefficients)
 }
 
 /// Whether friction that falls with speed falls to a level that opposes motion, as far as the level is estimated: a fall by more
@@ -698,4 +700,27 @@ fn inadmissible_among(model: &Model, counts: impl Fn(&Term) -> bool) -> Option<u
         .terms
         .iter()
         .position(|t| counts(t) && t.parameters.iter().any(|p| !p.known) && !allowed(t))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::inadmissible;
+    use crate::model::Model;
+
+    /// A power law with a low exponent is a Coulomb level: one fits a recording as well as the difference of two larger ones.
+    #[test]
+    fn what_shapes_the_level_does_not_stand_against_it() {
+        let text = "[plant]\nmotion = \"rotary\"\n[friction]\ncoulomb = \"?\"\n[effects.power-law-viscous]\n";
+        let mut model = Model::parse(text).unwrap();
+        for (parameter, value) in model.terms[0].parameters.iter_mut().zip([70.0, 0.2]) {
+            parameter.value = Some(value);
+        }
+        for (level, term) in [(5.0, None), (-12.0, Some(0))] {
+            model.coulomb.value = Some(level);
+            assert_eq!(inadmissible(&model), term);
+        }
+        // One that the file gives is not estimated against it.
+        model.coulomb.known = true;
+        assert_eq!(inadmissible(&model), None);
+    }
 }

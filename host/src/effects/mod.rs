@@ -291,6 +291,10 @@ pub trait Effect: Sync {
         inner[..rest.len()].copy_from_slice(rest);
         (inner, coefficients.to_vec())
     }
+    /// Whether it shapes friction next to standstill, so that it takes the Coulomb level's place where that comes out negative.
+    fn shapes_level(&self) -> bool {
+        false
+    }
     /// Whether physics allows these coefficients.
     fn admissible(&self, _coefficients: &[f64]) -> bool {
         true

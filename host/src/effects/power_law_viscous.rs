@@ -74,6 +74,9 @@ impl Effect for PowerLawViscous {
     fn basis(&self, inner: Inner, at: Point, out: &mut [f64]) {
         out[0] = at.s * at.v.abs().powf(inner[0]);
     }
+    fn shapes_level(&self) -> bool {
+        true
+    }
     fn admissible(&self, c: &[f64]) -> bool {
         c[0] > 0.0
     }
