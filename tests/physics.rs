@@ -373,6 +373,7 @@ fn a_load_swings_on_while_the_driven_side_creeps() {
         damping: 0.0,
         gap: 0.0,
         friction: 0.0,
+        viscous: 0.0,
         load_side: false,
     };
     let loaded = Loaded::new(axis, coupling);
@@ -404,6 +405,7 @@ fn a_load_with_friction_of_its_own_stands_while_the_driven_side_leaves_it() {
             damping: 2.0 * 0.004 * 2000.0,
             gap: 0.2,
             friction: 0.06,
+            viscous: 0.0,
             load_side: false,
         };
         let loaded = Loaded::new(axis, coupling);

@@ -1093,9 +1093,10 @@ fn a_diagnosis_tells_what_identification_tells() {
     assert!(told < 1.5 * known, "{told} {known}");
 }
 
-/// 24 s of a motor, 6 of 10 parts of the inertia, with set-valued friction, that drives a measured load by what joins them: a
-/// torque that follows from how far the motor is ahead, and how fast it moves ahead.
-fn measured_on_the_load(join: impl Fn(f64, f64) -> f64) -> Vec<Sample> {
+/// 24 s of a motor, 6 of 10 parts of the inertia, that drives a measured load by what joins them: a torque that follows from how far
+/// the motor is ahead, and how fast it moves ahead. Of the set-valued friction a share is the motor's, the rest the load's; the drive
+/// has noise of a standard deviation.
+fn measured_on_the_load(motors: f64, noise: f64, join: impl Fn(f64, f64) -> f64) -> Vec<Sample> {
     const STEPS: u32 = 50;
     let h = 1e-3 / f64::from(STEPS);
     let mut rng = ChaCha8Rng::seed_from_u64(9);
@@ -1105,15 +1106,18 @@ fn measured_on_the_load(join: impl Fn(f64, f64) -> f64) -> Vec<Sample> {
         let wave = |hertz: f64, phase: f64| (TAU * hertz * t + phase).sin();
         let u = 0.35 * (wave(0.31, 0.0) + wave(0.83, 1.0) + wave(1.9, 2.0) + wave(3.7, 4.0));
         let q = (x[2] / 1e-4).floor() * 1e-4;
-        let disturbance = 0.01 * ((0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0);
+        let disturbance = noise * ((0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0);
         for _ in 0..STEPS {
             let [q, v, load_q, load_v] = x;
             let joined = join(q - load_q, v - load_v);
-            // Friction holds the motor and does not drive it back.
-            let free = v + h / MOTOR * (u + disturbance - joined - 0.02 * v);
-            let held = h / MOTOR * 0.12;
-            let v = free - free.clamp(-held, held);
-            let load_v = load_v + h / LOAD * joined;
+            // Friction holds a side and does not drive it back.
+            let slowed = |v: f64, drive: f64, inertia: f64, share: f64| {
+                let free = v + h / inertia * (drive - 0.02 * share * v);
+                let held = h / inertia * 0.12 * share;
+                free - free.clamp(-held, held)
+            };
+            let v = slowed(v, u + disturbance - joined, MOTOR, motors);
+            let load_v = slowed(load_v, joined, LOAD, 1.0 - motors);
             x = [q + h * v, v, load_q + h * load_v, load_v];
         }
         Sample { t, u, q }
@@ -1148,18 +1152,19 @@ fn a_spring_before_the_encoder_is_found_and_predicted() {
     for (hertz, damping) in [(9.0, 0.05), (14.0, 0.03)] {
         let omega = TAU * hertz;
         let join = |ahead: f64, rate: f64| REDUCED * omega * (omega * ahead + 2.0 * damping * rate);
-        let json = diagnosed_from(&measured_on_the_load(join));
+        let json = diagnosed_from(&measured_on_the_load(1.0, 0.01, join));
         let finding = only_finding(&json, "compliance", 0.5);
         let off = value(finding, "resonance") / hertz - 1.0;
         assert!(off.abs() < 0.03, "{finding}");
     }
 }
 
-/// Across a gap the load goes on by itself, and is then struck. It shows the gap times the motor's inertia.
+/// Across a gap the load goes on by itself, and is then struck. It shows the gap times the motor's inertia, and whose the friction is:
+/// a load with all of it is all but at rest before the motor arrives, which test functions hardly see.
 #[test]
 fn a_gap_before_the_encoder_is_found_and_predicted() {
     let omega = TAU * 150.0;
-    for gap in [0.03, 0.06] {
+    for (gap, motors, noise) in [(0.03, 1.0, 0.01), (0.06, 1.0, 0.01), (0.02, 0.0, 0.002)] {
         let join = |ahead: f64, rate: f64| {
             let beyond = ahead - ahead.clamp(-0.5 * gap, 0.5 * gap);
             let pushed = REDUCED * omega * (omega * beyond.abs() + rate * beyond.signum());
@@ -1169,11 +1174,12 @@ fn a_gap_before_the_encoder_is_found_and_predicted() {
                 pushed.max(0.0).copysign(beyond)
             }
         };
-        let json = diagnosed_from(&measured_on_the_load(join));
+        let json = diagnosed_from(&measured_on_the_load(motors, noise, join));
         let finding = only_finding(&json, "backlash", 0.7);
         let matched = 2.0 * gap * MOTOR / (MOTOR + LOAD);
         let off = value(finding, "matched_gap") / matched - 1.0;
         assert!(off.abs() < 0.1, "{finding}");
-        assert!(value(finding, "motor_friction") > 0.9, "{finding}");
+        let share = value(finding, "motor_friction");
+        assert!((share - motors).abs() < 0.1, "{finding}");
     }
 }

@@ -204,9 +204,9 @@ fn hanging(model: &Model) -> Option<(&'static dyn Effect, Inner)> {
 /// What hangs behind the driven side, which a load without inertia does not; refuses two loads, and one that is all of the
 /// inertia.
 fn coupling(model: &Model, inertia: f64) -> Result<Option<Coupling>> {
-    let coulomb = model.coulomb.value.unwrap_or_default();
+    let friction = [&model.coulomb, &model.viscous].map(|p| p.value.unwrap_or_default());
     let of = |t: &Term| {
-        let coupling = t.effect.coupling(&system::values(t), inertia, coulomb)?;
+        let coupling = t.effect.coupling(&system::values(t), inertia, friction)?;
         Some((t.effect.id(), coupling))
     };
     let mut all = model.terms.iter().filter_map(of);

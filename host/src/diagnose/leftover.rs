@@ -247,7 +247,7 @@ pub(super) fn differs(bench: &Workbench, model: &Model, other: &Model) -> bool {
 
 /// The size from which on something unexplained counts: [`SMALLEST`], or what uncertain reversals leave where few samples
 /// lie under a window.
-fn smallest(bench: &Workbench) -> f64 {
+pub(super) fn smallest(bench: &Workbench) -> f64 {
     let reaches = bench.problem.windows.iter().map(|w| w.reach as f64);
     let coarsest = reaches.map(|reach| TIMING / reach).fold(0.0, f64::max);
     SMALLEST.max(coarsest)

@@ -567,7 +567,8 @@ fn refuted_by_itself(
     let added = settled.terms.iter().enumerate().skip(before.terms.len());
     let (nuisances, named): (Vec<_>, Vec<_>) = added.partition(|(_, t)| t.effect.nuisance());
     let nuisance = nuisances.first().map(|(_, t)| t.effect.id());
-    let slight = system::lost(&bench.problem, settled).is_some_and(trial::negligible);
+    let lost = system::lost(&bench.problem, settled);
+    let slight = lost.is_some_and(|lost| trial::negligible(bench, lost));
     if let Some((_, gap)) = named.iter().find(|(_, t)| slight && t.effect.divides()) {
         return Ok(Some(nuisance.unwrap_or(gap.effect.id())));
     }

@@ -3,6 +3,7 @@
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::confirm::HeldOut;
+use super::leftover;
 use super::select::{CERTAIN, FLOOR, SOUGHT};
 use crate::effects::{self, Effect, Inner, Search};
 use crate::error::Result;
@@ -86,10 +87,10 @@ pub(super) fn students_t(x: &[f64]) -> f64 {
     mean / (variance / count).sqrt().max(f64::MIN_POSITIVE)
 }
 
-/// Whether a gap keeps less of the input from the load than effects that are looked for do: it acts where the drive reverses,
-/// as do the artefacts of sampling.
-pub(super) fn negligible(lost: f64) -> bool {
-    lost < SOUGHT
+/// Whether a gap keeps less of the input from the load than what artefacts of sampling leave: it acts where the drive reverses, as
+/// they do. Little of it is no sign that it does little: the blow at its end gives back what test functions have missed.
+pub(super) fn negligible(bench: &Workbench, lost: f64) -> bool {
+    lost < leftover::smallest(bench)
 }
 
 /// What generic functions do on top of a model.
@@ -167,7 +168,8 @@ impl<'a> Base<'a> {
         let Some(found) = self.ground.attempt(term)? else {
             return Ok(None);
         };
-        if self.ground.lost(term, found.inner).is_some_and(negligible) {
+        let lost = self.ground.lost(term, found.inner);
+        if lost.is_some_and(|lost| negligible(self.bench, lost)) {
             return Ok(None);
         }
         let price = self.ground.price(effect, found.tried);

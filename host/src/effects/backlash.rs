@@ -105,13 +105,14 @@ impl Effect for Backlash {
     fn admissible(&self, c: &[f64]) -> bool {
         c[0] > 0.0
     }
-    fn coupling(&self, p: &[f64], _inertia: f64, _coulomb: f64) -> Option<Coupling> {
+    fn coupling(&self, p: &[f64], _inertia: f64, _friction: [f64; 2]) -> Option<Coupling> {
         Some(Coupling {
             inertia: p[0],
             stiffness: p[0] * CONTACT * CONTACT,
             damping: 2.0 * p[0] * CONTACT,
             gap: p[1],
             friction: 0.0,
+            viscous: 0.0,
             load_side: false,
         })
     }

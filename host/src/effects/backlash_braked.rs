@@ -65,10 +65,10 @@ impl Effect for BacklashBraked {
     fn admissible(&self, c: &[f64]) -> bool {
         Backlash.admissible(c)
     }
-    fn coupling(&self, p: &[f64], inertia: f64, coulomb: f64) -> Option<Coupling> {
-        let free = Backlash.coupling(p, inertia, coulomb)?;
+    fn coupling(&self, p: &[f64], inertia: f64, friction: [f64; 2]) -> Option<Coupling> {
+        let free = Backlash.coupling(p, inertia, friction)?;
         Some(Coupling {
-            friction: (p[0] * p[2]).min(coulomb),
+            friction: (p[0] * p[2]).min(friction[0]),
             ..free
         })
     }

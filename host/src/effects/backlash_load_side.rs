@@ -57,7 +57,8 @@ impl Effect for BacklashLoadSide {
         Some(1.0)
     }
     fn shapes(&self, _survey: &Survey) -> Vec<f64> {
-        vec![1.0, 0.5]
+        // All friction on the side of the motor, as much on either, all behind the gap.
+        vec![1.0, 0.5, 0.0]
     }
     fn grid(&self, survey: &Survey) -> Vec<f64> {
         Backlash.grid(survey)
@@ -65,7 +66,7 @@ impl Effect for BacklashLoadSide {
     fn transmit(&self, p: &[f64], path: &mut Path) {
         (path.gap, path.before_gap) = (p[0], p[1]);
     }
-    fn coupling(&self, p: &[f64], inertia: f64, coulomb: f64) -> Option<Coupling> {
+    fn coupling(&self, p: &[f64], inertia: f64, [coulomb, viscous]: [f64; 2]) -> Option<Coupling> {
         let load = (1.0 - MOTOR) * inertia;
         // Without a gap both sides are one.
         (p[0] > 0.0).then_some(Coupling {
@@ -74,6 +75,7 @@ impl Effect for BacklashLoadSide {
             damping: 2.0 * load * CONTACT,
             gap: p[0],
             friction: (1.0 - p[1]) * coulomb,
+            viscous: (1.0 - p[1]) * viscous,
             load_side: true,
         })
     }

@@ -129,7 +129,7 @@ impl Effect for Compliance {
     fn admissible(&self, c: &[f64]) -> bool {
         c[0] > 0.0
     }
-    fn coupling(&self, p: &[f64], _inertia: f64, _coulomb: f64) -> Option<Coupling> {
+    fn coupling(&self, p: &[f64], _inertia: f64, _friction: [f64; 2]) -> Option<Coupling> {
         let omega = std::f64::consts::TAU * p[1];
         Some(Coupling {
             inertia: p[0],
@@ -137,6 +137,7 @@ impl Effect for Compliance {
             damping: 2.0 * p[2] * omega * p[0],
             gap: 0.0,
             friction: 0.0,
+            viscous: 0.0,
             load_side: false,
         })
     }

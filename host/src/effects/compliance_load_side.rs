@@ -81,7 +81,7 @@ impl Effect for ComplianceLoadSide {
         let count = ((high / low).ln() / (2.0 * SOUGHT)).ceil();
         geometric(low, high, 1 + count as usize)
     }
-    fn coupling(&self, p: &[f64], inertia: f64, _coulomb: f64) -> Option<Coupling> {
+    fn coupling(&self, p: &[f64], inertia: f64, _friction: [f64; 2]) -> Option<Coupling> {
         let omega = std::f64::consts::TAU * p[0];
         let reduced = (1.0 - MOTOR) * MOTOR * inertia;
         Some(Coupling {
@@ -90,6 +90,7 @@ impl Effect for ComplianceLoadSide {
             damping: 2.0 * p[1] * omega * reduced,
             gap: 0.0,
             friction: 0.0,
+            viscous: 0.0,
             load_side: true,
         })
     }

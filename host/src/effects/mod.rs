@@ -77,6 +77,8 @@ pub struct Coupling {
     pub gap: f64,
     /// Coulomb friction that brakes the load rather than the driven side, N·m or N.
     pub friction: f64,
+    /// Viscous friction that does, per rad/s or m/s.
+    pub viscous: f64,
     /// Whether the encoder measures the load, and not the driven side.
     pub load_side: bool,
 }
@@ -274,8 +276,14 @@ pub trait Effect: Sync {
     fn load(&self, _inner: Inner, _q: &[f64], _v: &[f64], _period: f64) -> Carried {
         Carried::default()
     }
-    /// What the load hangs on, for simulation, on an axis of some inertia and Coulomb friction, of both sides together.
-    fn coupling(&self, _parameters: &[f64], _inertia: f64, _coulomb: f64) -> Option<Coupling> {
+    /// What the load hangs on, for simulation, on an axis of some inertia and some friction, Coulomb and viscous, of both
+    /// sides together.
+    fn coupling(
+        &self,
+        _parameters: &[f64],
+        _inertia: f64,
+        _friction: [f64; 2],
+    ) -> Option<Coupling> {
         None
     }
     /// Named parameters from the linear solution. As it stands, the coefficients and then the inner parameters.

@@ -7,8 +7,8 @@ use crate::effects::{CONTACT, Coupling, Moment, Path};
 /// Rate at which friction of the load takes its last velocity, 1/s: as fast as a wall catches it.
 const STOPS: f64 = CONTACT;
 
-/// `(J − J_L)·v̇ = k·u − (F − F_L·s) − T`, `J_L·v̇_L = T − F_L·s_L`: of the friction `F` of the axis `F_L` brakes the load, and `T`
-/// is what the coupling transmits. States: position and velocity of the driven side, and of the load relative to it.
+/// `(J − J_L)·v̇ = k·u − (F − F_L·s − c_L·v) − T`, `J_L·v̇_L = T − F_L·s_L − c_L·v_L`: of the friction `F` of the axis `F_L` and
+/// `c_L·v` brake the load, and `T` is what the coupling transmits. States: position and velocity of the driven side, and of the load relative to it.
 ///
 /// Contact is exact for the driven side alone. So the load's friction rises with its velocity over the span in which it stops
 /// it as fast as the contact catches it, and what it falls short there of `F_L` while the driven side pushes the load is the
@@ -28,12 +28,17 @@ impl<A: AsRef<Axis>> Loaded<A> {
         self.axis.as_ref()
     }
 
-    /// Friction of the load while it moves at velocity `v`.
+    /// Coulomb friction of the load while it moves at velocity `v`.
     fn braking(&self, v: f64) -> f64 {
         let Coupling {
             inertia, friction, ..
         } = self.coupling;
         friction.min(inertia * STOPS * v.abs()).copysign(v)
+    }
+
+    /// The same with its viscous friction.
+    fn slowing(&self, v: f64) -> f64 {
+        self.braking(v) + self.coupling.viscous * v
     }
 
     /// The state that an encoder would see so while the load is ahead of the driven side, and moves ahead, by so much.
@@ -67,7 +72,12 @@ impl<A: AsRef<Axis>> Mechanism<4> for Loaded<A> {
         drive.moment()
     }
     fn resistance(&self, drive: Drive, x: &[f64; 4], s: f64) -> f64 {
-        let Coupling { friction, gap, .. } = self.coupling;
+        let Coupling {
+            friction,
+            viscous,
+            gap,
+            ..
+        } = self.coupling;
         let both = (self.contact()).resistance(drive.moment(), self.sliding(x), s);
         let pushes = x[2] * s < 0.0 && x[2].abs() >= 0.5 * gap;
         let braked = if pushes {
@@ -75,7 +85,7 @@ impl<A: AsRef<Axis>> Mechanism<4> for Loaded<A> {
         } else {
             friction
         };
-        both - s * braked
+        both - s * braked - viscous * x[1]
     }
     fn sliding(&self, x: &[f64; 4]) -> State {
         State { q: x[0], v: x[1] }
@@ -91,7 +101,7 @@ impl<A: AsRef<Axis>> Mechanism<4> for Loaded<A> {
             x[1],
             acceleration,
             x[3],
-            (transmitted - self.braking(x[1] + x[3])) / self.coupling.inertia - acceleration,
+            (transmitted - self.slowing(x[1] + x[3])) / self.coupling.inertia - acceleration,
         ]
     }
     fn rest(&self, x: &mut [f64; 4]) {
