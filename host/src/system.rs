@@ -659,13 +659,10 @@ const HEAVIEST_LOAD: f64 = 0.95;
 fn allowed(term: &Term, coefficients: &[f64], inertia: Option<f64>, level_holds: bool) -> bool {
     let heaviest = HEAVIEST_LOAD * inertia.unwrap_or(f64::INFINITY);
     let carried = !term.effect.hangs() || coefficients.iter().all(|c| *c < heaviest);
-    carried
-        && (!(term.falls() || term.effect.shapes_level()) || level_holds)
-        && term.effect.admissible(coefficients)
+    carried && (!term.effect.shapes_level() || level_holds) && term.effect.admissible(coefficients)
 }
 
-/// Whether friction that falls with speed falls to a level that opposes motion, as far as the level is estimated: a fall by more
-/// than all there is only bends the curve to what else is left out.
+/// Whether the Coulomb level of a model opposes motion, as far as it is estimated.
 fn level_holds(model: &Model) -> bool {
     let level = &model.coulomb;
     level.known || level.value.is_none_or(|level| level >= 0.0)

@@ -320,9 +320,13 @@ const FEWEST_HELD_OUT: usize = 20;
 mod tests {
     use super::*;
 
+    /// A window of one sample, in which a force of 1 is predicted with this squared error.
+    fn window(square: f64) -> fit::Sums {
+        fit::of_force(1.0 + square.sqrt(), 1.0)
+    }
+
     /// Windows of one sample each, in which a force of 1 is predicted with these squared errors.
     fn run(squares: [f64; 5]) -> Parts {
-        let window = |square: f64| fit::of_force(1.0 + square.sqrt(), 1.0);
         Parts {
             train: vec![window(0.04)],
             held_out: squares.map(window).to_vec(),
@@ -348,12 +352,9 @@ mod tests {
     #[test]
     fn few_windows_do_not_outweigh_the_rest() {
         let outweighs = |with: [f64; 2], without: [f64; 2], count: usize| {
-            let parts = |[train, held_out]: [f64; 2]| {
-                let window = |square: f64| fit::of_force(1.0 + square.sqrt(), 1.0);
-                Parts {
-                    train: vec![window(train); 3],
-                    held_out: vec![window(held_out); count],
-                }
+            let parts = |[train, held_out]: [f64; 2]| Parts {
+                train: vec![window(train); 3],
+                held_out: vec![window(held_out); count],
             };
             super::outweighs(&parts(with), &parts(without))
         };

@@ -299,7 +299,8 @@ pub trait Effect: Sync {
         inner[..rest.len()].copy_from_slice(rest);
         (inner, coefficients.to_vec())
     }
-    /// Whether it shapes friction next to standstill, so that it takes the Coulomb level's place where that comes out negative.
+    /// Whether it shapes friction next to standstill, beside a Coulomb level that must then oppose motion: next to one that comes out
+    /// negative it only bends the curve to what else is left out.
     fn shapes_level(&self) -> bool {
         false
     }

@@ -102,6 +102,9 @@ impl Effect for Stribeck {
     fn linear(&self, p: &[f64], scale: Scale) -> (Inner, Vec<f64>) {
         ([p[1], p[2]], vec![p[0] - scale.coulomb])
     }
+    fn shapes_level(&self) -> bool {
+        true
+    }
     fn admissible(&self, c: &[f64]) -> bool {
         c[0] > 0.0
     }
@@ -148,6 +151,9 @@ impl Effect for Fixed {
     }
     fn linear(&self, p: &[f64], scale: Scale) -> (Inner, Vec<f64>) {
         ([p[1], 0.0], vec![p[0] - scale.coulomb])
+    }
+    fn shapes_level(&self) -> bool {
+        true
     }
     fn admissible(&self, c: &[f64]) -> bool {
         Stribeck.admissible(c)

@@ -8,7 +8,8 @@ use crate::effects::{CONTACT, Coupling, Moment, Path};
 const STOPS: f64 = CONTACT;
 
 /// `(J − J_L)·v̇ = k·u − (F − F_L·s − c_L·v) − T`, `J_L·v̇_L = T − F_L·s_L − c_L·v_L`: of the friction `F` of the axis `F_L` and
-/// `c_L·v` brake the load, and `T` is what the coupling transmits. States: position and velocity of the driven side, and of the load relative to it.
+/// `c_L·v_L` brake the load, and `T` is what the coupling transmits. States: position and velocity of the driven side, and of the
+/// load relative to it.
 ///
 /// Contact is exact for the driven side alone. So the load's friction rises with its velocity over the span in which it stops
 /// it as fast as the contact catches it, and what it falls short there of `F_L` while the driven side pushes the load is the
