@@ -266,7 +266,7 @@ fn friction(section: Option<&dyn TableLike>) -> Checked<Friction> {
         let mut parameters = Vec::new();
         for spec in effect.parameters() {
             let given = get(spec.name)?;
-            check_bounds(spec, given.as_ref())?;
+            check_bounds(spec, "friction", given.as_ref())?;
             let otherwise = exponent
                 .filter(|_| spec.name == "exponent")
                 .map_or_else(Parameter::unknown, Parameter::known);
@@ -288,14 +288,14 @@ fn fall() -> Checked<&'static dyn Effect> {
         .ok_or_else(|| at("friction.model", "the stribeck effect is not built in"))
 }
 
-/// Refuses a given value that the physics of a friction law rules out.
-fn check_bounds(spec: &effects::Spec, given: Option<&Parameter>) -> Checked<()> {
+/// Refuses a known value that physics rules out.
+fn check_bounds(spec: &effects::Spec, section: &str, given: Option<&Parameter>) -> Checked<()> {
     let (least, most) = spec.bounds;
-    match given.and_then(|p| p.value) {
+    match given.filter(|p| p.known).and_then(|p| p.value) {
         Some(value) if value < least || value > most => {
-            let key = format!("friction.{}", spec.name);
+            let key = format!("{section}.{}", spec.name);
             let what = match spec.bounds {
-                (0.0, _) => "zero or positive".to_owned(),
+                (0.0, f64::INFINITY) => "zero or positive".to_owned(),
                 (_, f64::INFINITY) => "positive".to_owned(),
                 _ => format!("between {least} and {most}"),
             };
@@ -387,10 +387,13 @@ fn term(effect: &'static dyn Effect, table: &dyn TableLike) -> Checked<Term> {
     let effect = others.find(only_its).unwrap_or(effect);
     let names: Vec<&str> = effect.parameters().iter().map(|s| s.name).collect();
     only(table, &section, &names)?;
-    let mut parameters = names
-        .iter()
-        .map(|name| parameter(table, &section, name).map(Option::unwrap_or_default))
-        .collect::<Checked<Vec<_>>>()?;
+    let read = |spec: &effects::Spec| {
+        let given = parameter(table, &section, spec.name)?;
+        check_bounds(spec, &section, given.as_ref())?;
+        Ok(given.unwrap_or_default())
+    };
+    let specs = effect.parameters().iter();
+    let mut parameters = specs.map(read).collect::<Checked<Vec<_>>>()?;
     // A shape left out beside given numbers has the textbook value.
     if let Some((shape, textbook)) = effect.shape().zip(effect.textbook())
         && !table.contains_key(names[shape])
@@ -581,5 +584,22 @@ mod tests {
         assert!(
             message("[plant]\nmotion = \"linear\"\n[effects.gravity]").contains("does not apply")
         );
+        for (given, what) in [
+            (
+                "backlash]\nmotor_friction = 1.5",
+                "backlash.motor_friction must be between 0 and 1",
+            ),
+            (
+                "delay]\ndelay = -1e-3",
+                "delay.delay must be zero or positive",
+            ),
+            (
+                "compliance]\nantiresonance = 0",
+                "compliance.antiresonance must be positive",
+            ),
+        ] {
+            let text = format!("[plant]\nmotion = \"rotary\"\n[effects.{given}");
+            assert_eq!(message(&text), format!("line 4: effects.{what}"));
+        }
     }
 }
