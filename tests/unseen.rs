@@ -1183,3 +1183,29 @@ fn a_gap_before_the_encoder_is_found_and_predicted() {
         assert!((share - motors).abs() < 0.1, "{finding}");
     }
 }
+
+/// Where bristles hardly show, friction that climbs steeply from rest may be all there is, or hardly any of it.
+#[test]
+fn a_level_that_an_exponent_stands_in_for_is_not_told_too_well() {
+    let axis = |friction: &str, law: &str| {
+        format!(
+            "[plant]\nmotion = \"linear\"\ninput = \"force\"\ninertia = 8.6\n[friction]\nmodel = \"dahl\"\n{friction}[effects.power-law-viscous]\n{law}"
+        )
+    };
+    let truth = axis(
+        "coulomb = 5.7\nviscous = 9.4\nbristle_stiffness = 11e3\n",
+        "coefficient = 58.0\nexponent = 0.3\n",
+    );
+    for seed in 1..4 {
+        let folder = Folder::new();
+        folder.write("truth.toml", &truth);
+        folder.write("axis.toml", axis("", ""));
+        folder.done(&format!(
+            "simulate --model truth.toml --excite steps --amplitude 0.25 --band 0.1:0.5 --control pd --bandwidth 3 --duration 24 --counts 2000 --noise 0.3 --seed {seed} --out run.csv"
+        ));
+        folder.done("identify run.csv --model axis.toml --json out.json");
+        let level = &folder.json("out.json")["parameters"]["coulomb"];
+        let [value, se] = ["value", "se"].map(|key| level[key].as_f64().expect("a number"));
+        assert!((value - 5.7).abs() < 3.0 * se, "{level}");
+    }
+}

@@ -61,6 +61,23 @@ impl Workbench {
         })
     }
 
+    /// Whether the recordings show such a level, if only with the exponent held of what else climbs steeply from rest: the two may
+    /// trade off, and bristles yield all the same.
+    pub(super) fn yields(&self, model: &Model) -> bool {
+        if yields(model) {
+            return true;
+        }
+        let mut held = model.clone();
+        let mut any = false;
+        for term in held.terms.iter_mut().filter(|t| t.effect.shapes_level()) {
+            let inner = term.effect.inner().map(|k| &mut term.parameters[k]);
+            if let Some(inner) = inner.filter(|p| !p.known) {
+                (inner.known, any) = (true, true);
+            }
+        }
+        any && self.refined(held).is_ok_and(|(held, _)| yields(&held))
+    }
+
     /// The last step of the hierarchy: the breakaway distances of bristles that fit best, each with the Stribeck velocity
     /// that goes best with it where that is unknown, the best first. The model itself where there is nothing to find.
     ///
@@ -128,24 +145,23 @@ impl Workbench {
         })
     }
 
-    /// The refinement of all but the bristles of a model, of which nothing shows: their errors have no bound.
-    pub(super) fn stiffly_refined(&self, mut model: Model) -> Result<(Model, f64)> {
-        let Some(bristles) = model.bristle_term() else {
+    /// The refinement of a model without its bristles, of which nothing shows: these are stiff ones, and their errors have no bound.
+    pub(super) fn stiffly_refined(&self, model: Model) -> Result<(Model, f64)> {
+        let Some(at) = model.bristle_term() else {
             return self.refined(model);
         };
-        let own = model.terms[bristles].parameters.clone();
-        let held = model.terms[bristles].parameters.iter_mut();
-        held.for_each(|p| p.known = true);
-        let (mut model, chi2) = self.refined(model)?;
-        let refined = model.terms[bristles].parameters.iter_mut();
-        for (parameter, own) in refined.zip(own).filter(|(_, own)| !own.known) {
-            *parameter = Parameter {
-                se: Some(f64::INFINITY),
-                status: Status::NotExcited,
-                ..own
-            };
+        let distance = model.breakaway();
+        let mut rest = model.clone();
+        let mut bristles = rest.terms.remove(at);
+        let (mut rest, chi2) = self.refined(rest)?;
+        for parameter in bristles.parameters.iter_mut().filter(|p| !p.known) {
+            (parameter.se, parameter.status) = (Some(f64::INFINITY), Status::NotExcited);
         }
-        Ok((model, chi2))
+        rest.terms.insert(at, bristles);
+        if let Some(distance) = distance {
+            rest.break_away_after(distance);
+        }
+        Ok((rest, chi2))
     }
 
     /// The linear parameters of a model with given bristles, these without damping if it would be negative.

@@ -344,7 +344,7 @@ impl Workbench {
             _ => best,
         });
         match (best, starts.stiff) {
-            (Some(Ok(found)), _) if bend::yields(&found.0) => Ok(found),
+            (Some(Ok(found)), _) if self.yields(&found.0) => Ok(found),
             (best, Some(stiff)) => self.stiffly_refined(stiff).or(best.unwrap_or_else(nothing)),
             (best, None) => best.unwrap_or_else(nothing),
         }
