@@ -1209,3 +1209,16 @@ fn a_level_that_an_exponent_stands_in_for_is_not_told_too_well() {
         assert!((value - 5.7).abs() < 3.0 * se, "{level}");
     }
 }
+
+/// A drive may take longer than the windows are wide; what a lag that is held to these leaves looks like a delay.
+#[test]
+fn a_drive_that_lags_for_longer_than_windows_last_is_not_late_as_well() {
+    let truth = 0.18;
+    let json = diagnosed(
+        &format!("[effects.actuator-lag]\ntime_constant = {truth}\n"),
+        "multisine --amplitude 1.2 --band 0.1:3",
+    );
+    let finding = only_finding(&json, "actuator-lag", 0.2);
+    let off = value(finding, "time_constant") / truth - 1.0;
+    assert!(off.abs() < 0.02, "{finding}");
+}

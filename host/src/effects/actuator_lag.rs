@@ -20,6 +20,9 @@
 use super::{Confusion, Effect, Given, Motion, Path, Quantity, Seat, Spec, Survey, geometric};
 use crate::format::quantity;
 
+/// Longest lag that is sought, s. A fit may go on to twice as much, as far as the free runs reach by which it is judged.
+const LONGEST: f64 = 0.5;
+
 pub(super) struct ActuatorLag;
 
 impl Effect for ActuatorLag {
@@ -69,9 +72,8 @@ impl Effect for ActuatorLag {
         Some(0)
     }
     fn grid(&self, survey: &Survey) -> Vec<f64> {
-        // Beyond the half-width of the windows drive and response have next to nothing in common.
-        let most = survey.half_width.max(8.0 * survey.period);
-        geometric(0.25 * survey.period, most, 16)
+        let most = survey.half_width.max(LONGEST);
+        geometric(0.25 * survey.period, most, 20)
     }
     fn transmit(&self, p: &[f64], path: &mut Path) {
         path.lag += p[0];
