@@ -71,6 +71,10 @@ const PLAYS: [f64; 4] = [0.1, 0.2, 0.4, 0.8];
 /// Times in which an input can change by its RMS, s: ratios of √3 from a fast amplifier to a slow valve.
 const SLEWS: [f64; 8] = [0.02, 0.035, 0.06, 0.1, 0.18, 0.31, 0.54, 0.94];
 
+/// Knots of the input lie at least so many standard deviations of its noise apart: functions that follow the noise of readings of
+/// which the axis knows nothing would take that for physics, and for less noise.
+const BAND: f64 = 6.0;
+
 /// Knots along velocity, position and input; a short recording carries fewer.
 fn knots(samples: usize) -> usize {
     if samples > 4000 { 6 } else { 4 }
@@ -87,13 +91,14 @@ impl Dictionary {
         };
         let count = knots(tracks.iter().map(|t| t.cells.len()).sum());
         let path = Path::default();
-        let inputs = tracks.iter().flat_map(|t| t.input(&path)).collect();
+        let inputs: Vec<Vec<f64>> = tracks.iter().map(|t| t.input(&path)).collect();
+        let roughness = inputs.iter().map(|u| roughness(u)).fold(0.0, f64::max);
         let positions = every(&|t, k| t.cells[k].q);
         let grids = Grids {
             places: Places::new(&positions, motion),
             speed: quantiles(every(&|t, k| t.cells[k].v.abs()), count),
             position: quantiles(positions, count + 2),
-            input: quantiles(inputs, count),
+            input: coarser(quantiles(inputs.concat(), count), BAND * roughness),
             travel: largest(every(&|t, k| t.cells[k].v.abs() * t.period)),
             times: count,
         };
@@ -410,6 +415,32 @@ fn quantiles(mut values: Vec<f64>, count: usize) -> Vec<f64> {
         }
     }
     knots
+}
+
+/// Knots that lie no closer together than `apart`, or than half of what even ones would, the outer two among them.
+fn coarser(knots: Vec<f64>, apart: f64) -> Vec<f64> {
+    let (first, last) = (knots[0], knots[knots.len() - 1]);
+    let even = (last - first) / (knots.len() - 1).max(1) as f64;
+    let apart = apart.min(0.5 * even);
+    let mut kept = vec![first];
+    for knot in knots.into_iter().skip(1) {
+        let before = kept[kept.len() - 1];
+        if knot - before > apart && (knot == last || last - knot > apart) {
+            kept.push(knot);
+        }
+    }
+    kept
+}
+
+/// Standard deviation of the noise of a signal that is smooth, or constant for a while, beside it: from the median of its second
+/// differences.
+fn roughness(x: &[f64]) -> f64 {
+    let second = x.windows(3).map(|x| (x[2] - 2.0 * x[1] + x[0]).abs());
+    let mut sizes: Vec<f64> = second.collect();
+    sizes.sort_by(f64::total_cmp);
+    let median = sizes.get(sizes.len() / 2).copied().unwrap_or_default();
+    // Of a normal deviate, and of the sum of three with these factors.
+    median / (0.6745 * 6.0_f64.sqrt())
 }
 
 #[cfg(test)]

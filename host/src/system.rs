@@ -541,6 +541,16 @@ pub fn lost(problem: &Problem, model: &Model) -> Option<f64> {
     Some((energy(&missing) / input).sqrt())
 }
 
+/// Share of the training time in motion in which a limit leaves the input as it is; `None` without a limit.
+pub fn uncut(problem: &Problem, model: &Model) -> Option<f64> {
+    let limit = path(model).limit;
+    limit.is_finite().then(|| {
+        let points = problem.points_of_training(&problem.direction(model), &Path::default());
+        let below = points.iter().filter(|p| p.moment.u.abs() <= limit).count();
+        below as f64 / points.len().max(1) as f64
+    })
+}
+
 /// What the residuals of a model are multiplied by where they are compared with those of others: by how much less of the input
 /// gets through to the axis than was recorded, over the training rows.
 ///

@@ -547,6 +547,9 @@ fn search(
     }
 }
 
+/// Share of the time that a saturation leaves the drive as it is, at least: one that cuts all the time leaves nothing of the drive but
+/// its sign, which is less torque per unit of drive, or more inertia.
+const UNCUT: f64 = 0.05;
 /// Share of the travel below which bristles yield at once: no stroke is as short.
 const SHORT: f64 = 0.01;
 
@@ -567,6 +570,13 @@ fn refuted_by_itself(
     let added = settled.terms.iter().enumerate().skip(before.terms.len());
     let (nuisances, named): (Vec<_>, Vec<_>) = added.partition(|(_, t)| t.effect.nuisance());
     let nuisance = nuisances.first().map(|(_, t)| t.effect.id());
+    let cuts = system::uncut(&bench.problem, settled).is_some_and(|share| share < UNCUT);
+    if let Some((_, limit)) = named
+        .iter()
+        .find(|(_, t)| cuts && t.effect.id() == "saturation")
+    {
+        return Ok(Some(limit.effect.id()));
+    }
     let lost = system::lost(&bench.problem, settled);
     let slight = lost.is_some_and(|lost| trial::negligible(bench, lost));
     if let Some((_, gap)) = named.iter().find(|(_, t)| slight && t.effect.divides()) {
