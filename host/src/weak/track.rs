@@ -40,6 +40,8 @@ pub struct Track {
     pub boundary: usize,
     /// Nodes of the whole recording, of which this may be a piece.
     pub whole: usize,
+    /// Whether positions are the integral of a measured velocity.
+    summed: bool,
     input: Held,
 }
 
@@ -142,6 +144,8 @@ const VELOCITY_NOISE: f64 = 0.005;
 const VELOCITY_NOISE_ALONE: f64 = 0.002;
 /// Velocities within this many standard deviations of zero have no certain direction.
 const SLOW: f64 = 3.0;
+/// Recordings of which one may have a rest that the noise of a measured velocity breaks.
+const CHANCE: f64 = 20.0;
 /// Standard deviations of the position noise in half a step of a quantiser: `½·√12`.
 const HALF_A_STEP: f64 = 1.732;
 /// Travel of this many standard deviations of the position noise is certain: more than one step of a quantiser.
@@ -235,6 +239,7 @@ impl Track {
             velocity_noise: 0.0,
             smoothing: Smoothing::default(),
             doubt: 0.0,
+            summed: velocity_only,
             input,
         };
         if velocity_only {
@@ -260,6 +265,9 @@ impl Track {
         }
         track.fill_cells(motion);
         track.find_rest();
+        if track.summed {
+            track.rest_on();
+        }
         for reversal in &reversals {
             track.place(reversal);
         }
@@ -440,6 +448,33 @@ impl Track {
         }
     }
 
+    /// Goes on resting where a measured velocity leaves zero next to a rest, in one direction, by no more than its noise may.
+    fn rest_on(&mut self) {
+        let most = self.velocity_noise * self.extreme();
+        let cells: Vec<(bool, f64)> = (self.sliding.iter().zip(&self.cells))
+            .map(|(sliding, cell)| (*sliding > 0.0, cell.v))
+            .collect();
+        let one_way = cells.chunk_by(|a, b| a.0 == b.0 && (!a.0 || a.1.signum() == b.1.signum()));
+        let runs: Vec<&[(bool, f64)]> = one_way.collect();
+        let rests = |k: usize| runs.get(k).is_some_and(|run| !run[0].0);
+        let mut from = 0;
+        for (k, run) in runs.iter().enumerate() {
+            let beside = k > 0 && rests(k - 1) || rests(k + 1);
+            if beside && run.iter().all(|(_, v)| v.abs() <= most) {
+                self.sliding[from..from + run.len()].fill(0.0);
+            }
+            from += run.len();
+        }
+    }
+
+    /// What noise of a measured velocity comes to in one of [`CHANCE`] recordings, in its standard deviations: a normal deviate lies
+    /// beyond `x` with a probability of `e^(−x²/2)` at most, and there are as many as the filter has room beside itself.
+    fn extreme(&self) -> f64 {
+        let wide = 2 * self.smoothing.half(self.period) + 1;
+        let deviates = (self.q.len() / wide).max(1) as f64;
+        (2.0 * (CHANCE * deviates).ln()).sqrt()
+    }
+
     /// Stretches of certain direction: first node, one past the last, direction.
     fn stretches(&self) -> Vec<(usize, usize, f64)> {
         let (slow, rest) = (SLOW * self.velocity_noise, self.rest());
@@ -451,11 +486,19 @@ impl Track {
             }
         }
         let travel = |&(from, to, direction): &(usize, usize, f64)| {
-            direction * (self.q[to - 1] - self.q[from]) / self.position_noise
+            // Noise of a measured velocity adds up in its integral.
+            let steps = if self.summed { to - from } else { 1 };
+            let noise = self.position_noise * (steps as f64).sqrt();
+            direction * (self.q[to - 1] - self.q[from]) / noise
+        };
+        let [some, certain] = if self.summed {
+            [self.extreme(); 2]
+        } else {
+            [HALF_A_STEP, CERTAIN_TRAVEL]
         };
         // A filter overshoots where an axis stops short, and before it sets off; there, positions stay where they are.
         let moves = |one_way: &[(usize, usize, f64)]| {
-            let moving = |piece: &(usize, usize, f64)| travel(piece) > HALF_A_STEP;
+            let moving = |piece: &(usize, usize, f64)| travel(piece) > some;
             let first = one_way.iter().position(moving)?;
             let last = one_way.iter().rposition(moving)?;
             let (mut from, mut to) = (one_way[first].0, one_way[last].1);
@@ -471,7 +514,7 @@ impl Track {
         };
         let one_way = pieces.chunk_by(|a, b| a.2 == b.2).filter_map(moves);
         one_way
-            .filter(|stretch| travel(stretch) > CERTAIN_TRAVEL)
+            .filter(|stretch| travel(stretch) > certain)
             .collect()
     }
 
