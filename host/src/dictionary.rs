@@ -434,7 +434,7 @@ fn coarser(knots: Vec<f64>, apart: f64) -> Vec<f64> {
 
 /// Standard deviation of the noise of a signal that is smooth, or constant for a while, beside it: from the median of its second
 /// differences.
-fn roughness(x: &[f64]) -> f64 {
+pub fn roughness(x: &[f64]) -> f64 {
     let second = x.windows(3).map(|x| (x[2] - 2.0 * x[1] + x[0]).abs());
     let mut sizes: Vec<f64> = second.collect();
     sizes.sort_by(f64::total_cmp);

@@ -307,6 +307,18 @@ impl System {
         score.map(|score| score.times(self.emphasis * self.emphasis))
     }
 
+    /// Coefficient of a column of the input of which the axis follows nothing, by the values of a decoded model.
+    pub fn per_input(&self, model: &Model) -> f64 {
+        let gain = model.gain.value.unwrap_or(1.0);
+        let moved = model.parameters()[model.moving_inertia()].value;
+        // With force as the response, a torque that resists.
+        if self.factors[1] < 0.0 {
+            gain
+        } else {
+            -gain / moved.unwrap_or(1.0)
+        }
+    }
+
     /// Writes the physical parameters that a linear solution stands for into the model; known ones stay.
     ///
     /// Returns whether physics allows the coefficients of every effect.

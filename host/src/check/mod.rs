@@ -1,7 +1,8 @@
 //! A look at recordings before their fit is trusted: warnings in plain words, with what was seen, the likely cause and
 //! what to do next.
 //!
-//! Warnings change no result and no exit status; the one thing that is put right is time, by [`evened`]. What cannot be fitted
+//! Warnings change no result and no exit status; what is put right is time, by [`evened`], and an input that is read with noise, by
+//! [`steadied`](crate::identify::steadied). What cannot be fitted
 //! at all is an error elsewhere.
 
 mod agreement;
@@ -63,6 +64,7 @@ pub fn warnings(bench: &Workbench, fitted: &Model, recordings: &[Recording]) -> 
         own.extend(units::check(recording, track, fitted));
         own.extend(encoder::check(recording, track, fitted));
         own.extend(saturation::check(recording, fitted));
+        own.extend(noisy_input(recording));
         if recordings.len() > 1 {
             for warning in &mut own {
                 warning.text = format!("{}: {}", recording.file_name(), warning.text);
@@ -83,6 +85,20 @@ pub fn warnings(bench: &Workbench, fitted: &Model, recordings: &[Recording]) -> 
     all.extend(excitation::check(bench, fitted, recordings));
     all.sort_by_key(|warning| warning.severity);
     all
+}
+
+/// That the readings of the input have noise which the axis does not follow, if they have.
+fn noisy_input(recording: &Recording) -> Option<Warning> {
+    let readings = recording.readings.as_ref()?;
+    let noise = rms(readings.iter().zip(&recording.u).map(|(r, u)| r - u));
+    let share = noise / rms(recording.u.iter().copied()).max(f64::MIN_POSITIVE);
+    Some(Warning::weak(
+        "noisy-input",
+        format!(
+            "The readings of u scatter by {:.1} % (RMS) about the levels that the drive holds, and the axis follows none of that: the mean of each level was taken in their place. Log the command instead of what is measured, or filter before sampling.",
+            100.0 * share
+        ),
+    ))
 }
 
 /// What there is to know of an axis that [`effects::CREEP`] was found on.

@@ -11,7 +11,7 @@ use super::terminal::Meter;
 use super::windows::Windows;
 use super::{DONE, Outcome, terminal};
 use crate::dbi::Study;
-use crate::identify::identify;
+use crate::identify::{identify, steadied};
 use crate::model::Model;
 use crate::report;
 use crate::stream;
@@ -56,6 +56,8 @@ impl Command {
             Input::Files(files) => stretches(&files)?,
         };
         progress.say("identifying");
+        let recordings = steadied(recordings, &model, self.windows.options()?)
+            .map_err(|e| named(e, &self.recordings, &self.model))?;
         let (bench, identified) = identify(&recordings, &model, self.windows.options()?)
             .map_err(|e| named(e, &self.recordings, &self.model))?;
         let study = Study::new(&bench, &identified, &model, &recordings, &|what| {

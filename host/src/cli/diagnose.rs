@@ -13,7 +13,7 @@ use super::{DONE, Outcome, terminal};
 use crate::diagnose::{Diagnosis, Outcome as Diagnosed, Verdict, diagnose};
 use crate::error::Error;
 use crate::experiment::{self, NextExperiment};
-use crate::identify::identify;
+use crate::identify::{identify, steadied};
 use crate::model::{Causality, Model};
 use crate::recording::Recording;
 use crate::report;
@@ -106,6 +106,8 @@ impl Command {
         };
         let diagnosed = recordings.iter().map(Recording::len).sum();
         progress.say("fitting the baseline");
+        let recordings = steadied(recordings, &model, self.windows.options()?)
+            .map_err(|e| named(e, &self.recordings, &self.model))?;
         let (bench, baseline) = identify(&recordings, &model, self.windows.options()?)
             .map_err(|e| named(e, &self.recordings, &self.model))?;
         let outcome = diagnose(&bench, &baseline, &recordings, &|what| {

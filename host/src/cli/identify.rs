@@ -18,7 +18,7 @@ use crate::check::{self, Warning};
 use crate::diagnose::{Estimates, estimates};
 use crate::error::{Error, Result};
 use crate::fit::Fit;
-use crate::identify::{Identified, Tried, Workbench};
+use crate::identify::{Identified, Tried, Workbench, steadied};
 use crate::model::Model;
 use crate::recording::Recording;
 use crate::report;
@@ -193,6 +193,7 @@ impl Command {
         let options = self.windows.options()?;
         match input {
             Input::Memory(recordings) => {
+                let recordings = steadied(recordings, model, options)?;
                 let bench = Workbench::new(&recordings, model, options)?;
                 let (identified, minimisation) =
                     self.identified(&bench, model, &recordings, progress)?;

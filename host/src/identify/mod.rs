@@ -6,6 +6,7 @@ mod profile;
 mod settle;
 mod side;
 mod smoothing;
+mod steady;
 mod twin;
 mod way;
 mod width;
@@ -29,6 +30,7 @@ use crate::weak::{Balance, Part, Track};
 
 pub(crate) use bend::reopened;
 use side::choose_response;
+pub use steady::steadied;
 use width::choose_width;
 pub use width::{Tried, Width};
 

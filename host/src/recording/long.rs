@@ -186,6 +186,7 @@ impl Long {
             sampled: self.sampled,
             input_unit,
             stamps: None,
+            readings: None,
         }
     }
 }

@@ -40,6 +40,8 @@ pub struct Recording {
     pub input_unit: Option<String>,
     /// The stamps of the samples, where these were not taken then and `t` is even time instead.
     pub stamps: Option<Vec<f64>>,
+    /// The readings of the input, where their noise never reached the axis and `u` is the level that they scatter about instead.
+    pub readings: Option<Vec<f64>>,
 }
 
 impl Recording {

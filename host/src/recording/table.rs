@@ -85,6 +85,7 @@ impl Source<'_> {
             v: values.remove("v"),
             sampled: false,
             stamps: None,
+            readings: None,
         }
     }
 

@@ -158,6 +158,7 @@ mod tests {
             sampled: true,
             input_unit: None,
             stamps: None,
+            readings: None,
         };
         (Track::new(&recording, Motion::Rotary, None), q)
     }
