@@ -12,7 +12,7 @@ use crate::dictionary::roughness;
 use crate::effects::Path;
 use crate::error::Result;
 use crate::linear;
-use crate::model::{Causality, Model};
+use crate::model::{Causality, Model, Parameter};
 use crate::recording::Recording;
 use crate::system::System;
 
@@ -115,6 +115,9 @@ impl Workbench {
             noise.extend(windows.hold(track, &n));
         }
         let mut model = with_starts(problem, model);
+        // One that is given wrongly would say more of the share than the noise does.
+        let moving = model.moving_inertia();
+        *model.parameters_mut().swap_remove(moving) = Parameter::unknown();
         let system = System::new(problem, &model)?.whitened(&self.noise);
         let mut groups = self.dictionary.groups(problem);
         // The input is one of these.
