@@ -151,7 +151,7 @@ impl Workbench {
             return self.refined(model);
         };
         let distance = model.breakaway();
-        let mut rest = model.clone();
+        let mut rest = model;
         let mut bristles = rest.terms.remove(at);
         let (mut rest, chi2) = self.refined(rest)?;
         for parameter in bristles.parameters.iter_mut().filter(|p| !p.known) {
