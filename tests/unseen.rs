@@ -1264,6 +1264,10 @@ fn noise_that_a_held_drive_is_read_with_is_no_physics() {
             let mut warnings = json["warnings"].as_array().expect("a list").iter();
             let warned = warnings.any(|w| w["id"] == "noisy-input");
             assert_eq!(warned, acts == 0.0, "{noise} {}", json["warnings"]);
+            // The levels err by what is left of the noise, and all that is told in their units.
+            let inertia = &json["parameters"]["inertia"];
+            let [value, se] = ["value", "se"].map(|key| inertia[key].as_f64().expect("a number"));
+            assert!(!warned || (value - 0.012).abs() < 4.0 * se, "{inertia}");
         }
     }
 }

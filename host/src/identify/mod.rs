@@ -503,6 +503,7 @@ impl Workbench {
         let mut model = optimum.clone();
         self.settle(&mut model, recordings);
         self.widen(&mut model, &optimum);
+        steady::add_levels(&mut model, recordings);
         let fit = fit::judge(&model, recordings, &self.problem.tracks)?;
         Ok(Identified { model, chi2, fit })
     }
@@ -528,6 +529,7 @@ impl Workbench {
     pub fn without_bias(&self, found: &Model, recordings: &[Recording]) -> Option<Model> {
         let mut model = self.settled_on_twins(found, recordings)?;
         self.widen(&mut model, found);
+        steady::add_levels(&mut model, recordings);
         Some(model)
     }
 

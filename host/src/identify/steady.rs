@@ -15,6 +15,7 @@ use crate::linear;
 use crate::model::{Causality, Model, Parameter};
 use crate::recording::Recording;
 use crate::system::System;
+use crate::{refine, uncertainty};
 
 /// Standard deviations of the noise within which readings are those of one level.
 const LEVEL: f64 = 6.0;
@@ -51,6 +52,32 @@ pub fn steadied(
         ..recording
     };
     Ok(recordings.into_iter().map(steady).collect())
+}
+
+/// Adds what the levels that were taken for readings err by to the errors of all that is told in units of the input: of `N` readings with
+/// noise `σ`, `σ/√N` over the RMS of the input.
+pub(super) fn add_levels(model: &mut Model, recordings: &[Recording]) {
+    let share = |recording: &Recording| {
+        let readings = recording.readings.as_ref()?;
+        let noise = readings
+            .iter()
+            .zip(&recording.u)
+            .map(|(r, u)| (r - u).powi(2));
+        let input = recording.u.iter().map(|u| u * u).sum::<f64>();
+        let share = (noise.sum::<f64>() / input.max(f64::MIN_POSITIVE)).sqrt();
+        Some(share / (recording.len() as f64).sqrt())
+    };
+    let share = recordings.iter().filter_map(share).fold(0.0, f64::max);
+    if share == 0.0 {
+        return;
+    }
+    for k in refine::free_parameters(model) {
+        if model.is_linear(k) {
+            let parameter = &mut *model.parameters_mut().swap_remove(k);
+            let off = share * parameter.value.unwrap_or_default();
+            uncertainty::add(parameter, off);
+        }
+    }
 }
 
 /// A signal with the mean of each stretch in the place of the readings of one level, and the mean of all of those that are alike.
