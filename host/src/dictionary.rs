@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use crate::effects::Path;
 use crate::motion::Motion;
 use crate::problem::{Column, Problem, Response, Row};
-use crate::weak::Track;
+use crate::weak::{Track, roughness};
 
 /// The functions of one coordinate.
 pub struct Group {
@@ -430,17 +430,6 @@ fn coarser(knots: Vec<f64>, apart: f64) -> Vec<f64> {
         }
     }
     kept
-}
-
-/// Standard deviation of the noise of a signal that is smooth, or constant for a while, beside it: from the median of its second
-/// differences.
-pub fn roughness(x: &[f64]) -> f64 {
-    let second = x.windows(3).map(|x| (x[2] - 2.0 * x[1] + x[0]).abs());
-    let mut sizes: Vec<f64> = second.collect();
-    sizes.sort_by(f64::total_cmp);
-    let median = sizes.get(sizes.len() / 2).copied().unwrap_or_default();
-    // Of a normal deviate, and of the sum of three with these factors.
-    median / (0.6745 * 6.0_f64.sqrt())
 }
 
 #[cfg(test)]

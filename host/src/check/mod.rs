@@ -89,9 +89,7 @@ pub fn warnings(bench: &Workbench, fitted: &Model, recordings: &[Recording]) -> 
 
 /// That the readings of the input have noise which the axis does not follow, if they have.
 fn noisy_input(recording: &Recording) -> Option<Warning> {
-    let readings = recording.readings.as_ref()?;
-    let noise = rms(readings.iter().zip(&recording.u).map(|(r, u)| r - u));
-    let share = noise / rms(recording.u.iter().copied()).max(f64::MIN_POSITIVE);
+    let share = recording.noise_taken_off()?;
     Some(Warning::weak(
         "noisy-input",
         format!(

@@ -18,7 +18,7 @@ use crate::dictionary::Dictionary;
 use crate::effects::{self, Path, Scale, Search, Survey};
 use crate::error::{Error, Result};
 use crate::fit::{self, Fit};
-use crate::linear;
+use crate::linear::{self, Score};
 use crate::model::{Causality, Model, Parameter, Status, Term};
 use crate::noise::Noise;
 use crate::problem::{Direction, Problem, Response};
@@ -139,22 +139,12 @@ impl Workbench {
     /// A rough estimate of what it takes to move the axis, functions of position included.
     fn balance(&self, model: &Model) -> Result<Option<Balance>> {
         let mut model = with_starts(&self.problem, model);
-        let system = System::new(&self.problem, &model)?.whitened(&self.noise);
         let groups = self.dictionary.groups(&self.problem);
         let position = groups.iter().filter(|g| g.coordinate == "position");
         let position = position.flat_map(|g| &g.columns).map(|c| c.as_slice());
-        let position = self.noise.whiten_all(position);
-        let columns = system.columns_and(position.iter().map(Vec::as_slice));
-        let score = linear::score(
-            &system.response,
-            &columns,
-            &self.blocks,
-            GENERIC_RIDGE,
-            system.errors(),
-        );
-        let Some(score) = score else { return Ok(None) };
-        let own = score.beta.rows(0, system.columns.len()).into_owned();
-        system.decode(&own, &mut model);
+        if self.solved_beside(&mut model, position)?.is_none() {
+            return Ok(None);
+        }
         let value = |p: &Parameter| p.value.unwrap_or_default();
         let gain = value(&model.gain);
         let balance = Balance {
@@ -163,6 +153,30 @@ impl Workbench {
         };
         let usable = balance.inertia > 0.0 && balance.coulomb > 0.0;
         Ok(usable.then_some(balance))
+    }
+
+    /// Gives the linear parameters of a model the values that they have beside other columns, and says how both fit. `None` if the
+    /// recordings do not determine them.
+    fn solved_beside<'a>(
+        &self,
+        model: &mut Model,
+        others: impl IntoIterator<Item = &'a [f64]>,
+    ) -> Result<Option<(System, Score)>> {
+        let system = System::new(&self.problem, model)?.whitened(&self.noise);
+        let others = self.noise.whiten_all(others);
+        let columns = system.columns_and(others.iter().map(Vec::as_slice));
+        let errors = system.errors();
+        let score = linear::score(
+            &system.response,
+            &columns,
+            &self.blocks,
+            GENERIC_RIDGE,
+            errors,
+        );
+        let Some(score) = score else { return Ok(None) };
+        let own = score.beta.rows(0, system.columns.len()).into_owned();
+        system.decode(&own, model);
+        Ok(Some((system, score)))
     }
 
     fn on(tracks: &[Track], model: &Model, options: Options) -> Result<Self> {

@@ -7,14 +7,12 @@
 
 use std::ops::Range;
 
-use super::{GENERIC_RIDGE, Options, Workbench, with_starts};
-use crate::dictionary::roughness;
+use super::{Options, Workbench, with_starts};
 use crate::effects::Path;
 use crate::error::Result;
-use crate::linear;
 use crate::model::{Causality, Model, Parameter};
 use crate::recording::Recording;
-use crate::system::System;
+use crate::weak::roughness;
 use crate::{refine, uncertainty};
 
 /// Standard deviations of the noise within which readings are those of one level.
@@ -33,12 +31,15 @@ pub fn steadied(
     model: &Model,
     options: Options,
 ) -> Result<Vec<Recording>> {
-    let held = |recording: &Recording| {
-        let mean = levels(&recording.u);
-        let moved = mean.iter().zip(&recording.u).filter(|(m, u)| m != u);
+    if model.causality == Causality::Inverse {
+        return Ok(recordings);
+    }
+    let means: Vec<Vec<f64>> = recordings.iter().map(|r| levels(&r.u)).collect();
+    let held = |(recording, means): (&Recording, &Vec<f64>)| {
+        let moved = means.iter().zip(&recording.u).filter(|(m, u)| m != u);
         2 * moved.count() > recording.u.len()
     };
-    if model.causality == Causality::Inverse || !recordings.iter().all(held) {
+    if !recordings.iter().zip(&means).all(held) {
         return Ok(recordings);
     }
     let bench = Workbench::new(&recordings, model, options)?;
@@ -46,26 +47,20 @@ pub fn steadied(
     if share - CERTAIN * error <= 0.5 {
         return Ok(recordings);
     }
-    let steady = |recording: Recording| Recording {
-        u: levels(&recording.u),
+    let steady = |(recording, means): (Recording, Vec<f64>)| Recording {
+        u: means,
         readings: Some(recording.u),
         ..recording
     };
-    Ok(recordings.into_iter().map(steady).collect())
+    Ok(recordings.into_iter().zip(means).map(steady).collect())
 }
 
 /// Adds what the levels that were taken for readings err by to the errors of all that is told in units of the input: of `N` readings with
 /// noise `σ`, `σ/√N` over the RMS of the input.
 pub(super) fn add_levels(model: &mut Model, recordings: &[Recording]) {
     let share = |recording: &Recording| {
-        let readings = recording.readings.as_ref()?;
-        let noise = readings
-            .iter()
-            .zip(&recording.u)
-            .map(|(r, u)| (r - u).powi(2));
-        let input = recording.u.iter().map(|u| u * u).sum::<f64>();
-        let share = (noise.sum::<f64>() / input.max(f64::MIN_POSITIVE)).sqrt();
-        Some(share / (recording.len() as f64).sqrt())
+        let noise = recording.noise_taken_off()?;
+        Some(noise / (recording.len() as f64).sqrt())
     };
     let share = recordings.iter().filter_map(share).fold(0.0, f64::max);
     if share == 0.0 {
@@ -143,29 +138,19 @@ impl Workbench {
         }
         let mut model = with_starts(problem, model);
         // One that is given wrongly would say more of the share than the noise does.
-        let moving = model.moving_inertia();
-        *model.parameters_mut().swap_remove(moving) = Parameter::unknown();
-        let system = System::new(problem, &model)?.whitened(&self.noise);
-        let mut groups = self.dictionary.groups(problem);
+        if model.gain.known {
+            let moving = model.moving_inertia();
+            *model.parameters_mut().swap_remove(moving) = Parameter::unknown();
+        }
+        let groups = self.dictionary.groups(problem);
         // The input is one of these.
-        groups.retain(|group| !group.coordinate.starts_with("input"));
-        let others = groups.iter().flat_map(|g| &g.columns).map(|c| c.as_slice());
-        let others = self
-            .noise
-            .whiten_all(std::iter::once(noise.as_slice()).chain(others));
-        let columns = system.columns_and(others.iter().map(Vec::as_slice));
-        let score = linear::score(
-            &system.response,
-            &columns,
-            &self.blocks,
-            GENERIC_RIDGE,
-            system.errors(),
-        );
-        let Some(score) = score else {
+        let others = groups.iter().filter(|g| !g.coordinate.starts_with("input"));
+        let others = others.flat_map(|g| &g.columns).map(|c| c.as_slice());
+        let columns = std::iter::once(noise.as_slice()).chain(others);
+        let Some((system, score)) = self.solved_beside(&mut model, columns)? else {
             return Ok([0.0, f64::INFINITY]);
         };
         let at = system.columns.len();
-        system.decode(&score.beta.rows(0, at).into_owned(), &mut model);
         let per = system.per_input(&model);
         Ok([score.beta[at] / per, (score.jackknife(at) / per).abs()])
     }

@@ -64,6 +64,14 @@ impl Recording {
         self.q.as_deref().or(self.v.as_deref()).unwrap_or_default()
     }
 
+    /// RMS of the noise that was taken off the readings of the input, as a share of the input's, if any was.
+    pub fn noise_taken_off(&self) -> Option<f64> {
+        let readings = self.readings.as_ref()?.iter().zip(&self.u);
+        let noise: f64 = readings.map(|(r, u)| (r - u).powi(2)).sum();
+        let input: f64 = self.u.iter().map(|u| u * u).sum();
+        Some((noise / input.max(f64::MIN_POSITIVE)).sqrt())
+    }
+
     /// Number of samples.
     pub fn len(&self) -> usize {
         self.t.len()

@@ -8,7 +8,7 @@ mod track;
 mod windows;
 
 pub use bend::Bent;
-pub use track::{Balance, Smoothing, Track};
+pub use track::{Balance, Smoothing, Track, roughness};
 pub use windows::{Part, Windows};
 
 /// The share of each recording that the fit sees; the rest is held out.

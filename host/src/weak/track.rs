@@ -249,8 +249,8 @@ impl Track {
         let rounding = f64::EPSILON * largest(&track.q);
         track.position_noise = track.position_noise.max(rounding);
         let filter = match smoothing {
-            None => track.differentiate(velocity_only),
-            Some(smoothing) => track.differentiate_as(smoothing, velocity_only),
+            None => track.differentiate(),
+            Some(smoothing) => track.differentiate_as(smoothing),
         };
         track.input.fresh = track.begins_at_rest(&filter);
         let half = filter.half();
@@ -369,7 +369,7 @@ impl Track {
 
     /// Smooths with the narrowest filter that leaves little enough noise, and returns it. Positions that are sums of a
     /// measured velocity carry its noise, times the period, in every step.
-    fn differentiate(&mut self, velocity_only: bool) -> Differentiator {
+    fn differentiate(&mut self) -> Differentiator {
         let most = ((WIDEST_FILTER / self.period) as usize).min(self.q.len() / 8);
         let mut filters = FILTERS.iter().filter(|half| **half <= most).peekable();
         loop {
@@ -380,10 +380,10 @@ impl Track {
                 .iter()
                 .map(|d| d / self.period)
                 .collect();
-            let gain = gain(&filter, velocity_only);
+            let gain = gain(&filter, self.summed);
             self.velocity_noise = self.position_noise * gain / self.period;
             let power = self.v.iter().map(|v| v * v).sum::<f64>() / self.v.len() as f64;
-            if self.velocity_noise <= tolerated(velocity_only) * power.sqrt()
+            if self.velocity_noise <= tolerated(self.summed) * power.sqrt()
                 || filters.peek().is_none()
             {
                 return filter;
@@ -392,13 +392,13 @@ impl Track {
     }
 
     /// Smooths with a given filter, and returns it.
-    fn differentiate_as(&mut self, smoothing: Smoothing, velocity_only: bool) -> Differentiator {
+    fn differentiate_as(&mut self, smoothing: Smoothing) -> Differentiator {
         let half = smoothing.half(self.period);
         let filter = Differentiator::new(half.max(FILTERS[0]).min((self.q.len() - 1) / 2));
         let slopes = filter.apply(&self.q);
         self.v = slopes.iter().map(|d| d / self.period).collect();
         self.position_noise = smoothing.position_noise;
-        self.velocity_noise = self.position_noise * gain(&filter, velocity_only) / self.period;
+        self.velocity_noise = self.position_noise * gain(&filter, self.summed) / self.period;
         filter
     }
 
@@ -764,10 +764,21 @@ fn white_noise(x: &[f64]) -> f64 {
             7 => 3432.0_f64,
             _ => continue,
         };
-        let size = median(differences.iter().map(|d| d.abs()).collect());
-        white = white.min(size / (0.6745 * central_binomial.sqrt()));
+        white = white.min(noise_in(&differences, central_binomial));
     }
     white
+}
+
+/// Standard deviation of white noise whose differences of an order are these, and have so many times its variance.
+fn noise_in(differences: &[f64], central_binomial: f64) -> f64 {
+    let size = median(differences.iter().map(|d| d.abs()).collect());
+    size / (0.6745 * central_binomial.sqrt())
+}
+
+/// Standard deviation of the noise of a signal that is smooth, or constant for a while, beside it: what its second differences show.
+pub fn roughness(x: &[f64]) -> f64 {
+    let second = x.windows(3).map(|x| x[2] - 2.0 * x[1] + x[0]);
+    noise_in(&second.collect::<Vec<f64>>(), 6.0)
 }
 
 /// The upper one of two.
