@@ -1330,3 +1330,16 @@ fn noise_of_a_tachometer_at_rest_is_no_motion() {
         assert_eq!(json["verdict"], "adequate", "{seed}: {}", json["text"]);
     }
 }
+
+/// The share is told with the gain open, if that is what is asked for.
+#[test]
+fn noise_that_a_held_drive_is_read_with_leaves_an_unknown_gain() {
+    let folder = Folder::new();
+    let known = BASELINE.replacen("\"?\"", "0.012", 1);
+    folder.write("axis.toml", known.replacen("1.0", "\"?\"", 1));
+    folder.write("run.csv", csv(&driven_by_two_levels(4, 0.1, 0.0)));
+    folder.done("identify run.csv --model axis.toml --json out.json");
+    let gain = &folder.json("out.json")["parameters"]["gain"];
+    let [value, se] = ["value", "se"].map(|key| gain[key].as_f64().expect("a number"));
+    assert!((value - 1.0).abs() < 4.0 * se, "{gain}");
+}
