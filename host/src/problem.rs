@@ -194,11 +194,7 @@ impl Problem {
     /// `∫u φ` of what a path makes of the input.
     pub fn input(&self, path: &Path) -> Column {
         // What a gap keeps back is a column of its own.
-        let path = Path {
-            gap: 0.0,
-            before_gap: 1.0,
-            ..*path
-        };
+        let path = path.without_gap();
         self.cached(("input", path.bits().to_vec()), || {
             let mut inputs = if path.swings() {
                 self.inputs(&path).to_vec()

@@ -4,10 +4,11 @@
 //! load: the motor, of inertia `J_M`, moves by itself until it meets a wall and shares its momentum with the load.
 //!
 //! A recording shows the load alone, and of motor and gap hardly more than `J_M·gap`: how long the load lacks the drive, and how
-//! hard the blow is. So `J_M` is taken as half of the inertia. The share `μ` of the friction that is the motor's shows in when the
-//! two part: where `J_L·q̈ + (1 − μ)·F`, with which the motor pushes the load, changes its sign.
+//! hard the blow is. The share `μ` of the friction that is the motor's, and the share `m` of the inertia, show in when the two part:
+//! where `J_L·q̈ + (1 − μ)·F`, with which the motor pushes the load, changes its sign, which it does at `k·u = (μ − m)/(1 − m)·F`. So
+//! of both only one is told: `μ` with `m` a half, or, where a motor without friction is the heavier side, `m`.
 
-use crate::effects::{MOTOR, Path, Point};
+use crate::effects::{Path, Point};
 use crate::weak::Track;
 
 /// What moves an axis and holds it.
@@ -58,6 +59,8 @@ pub struct Slack {
 /// A motor on one side of a gap.
 struct Motor {
     inertia: f64,
+    /// Share of the inertia that is its own.
+    share: f64,
     /// Share of the friction that is its own.
     own: f64,
     /// Its own Coulomb friction.
@@ -68,9 +71,10 @@ struct Motor {
 
 impl Motor {
     fn of(forces: &Forces, path: &Path) -> Self {
-        let own = path.before_gap;
+        let (own, share) = (path.friction_before_gap, path.inertia_before_gap);
         Self {
-            inertia: MOTOR * forces.inertia,
+            inertia: share * forces.inertia,
+            share,
             own,
             held: (own * forces.coulomb).max(0.0),
             viscous: own * forces.viscous,
@@ -80,7 +84,7 @@ impl Motor {
     /// What it pushes the load with while both move or stand together, up to a positive factor.
     fn push(&self, drive: f64, friction: f64, moving: bool) -> f64 {
         if moving {
-            (1.0 - MOTOR) * drive + (MOTOR - self.own) * friction
+            (1.0 - self.share) * drive + (self.share - self.own) * friction
         } else {
             drive - drive.clamp(-self.held, self.held)
         }

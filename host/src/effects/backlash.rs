@@ -10,7 +10,8 @@
 //! Where the encoder sits on the load, the load goes on by itself while the motor crosses the gap, and the drive reaches it with
 //! a blow. A recording then shows hardly more of inertia and gap than their product, so that the parameters are `matched_gap`,
 //! the gap if both sides weigh alike (the gap times twice the motor's share of the inertia), and `motor_friction`, the share of
-//! the friction that is the motor's. `diagnose` tries all three, and a model file may have any.
+//! the friction that is the motor's. A light load with all the friction parts from its motor only when that brakes hard, and tells
+//! both: `gap`, and `motor_share`, the motor's share of the inertia. `diagnose` tries all four, and a model file may have any.
 //!
 //! # What it looks like in a recording
 //! Where the axis slows down or reverses it is, for a moment, lighter than before, and has less friction, until the load is
@@ -30,6 +31,7 @@
 
 use super::backlash_braked::BacklashBraked;
 use super::backlash_load_side::BacklashLoadSide;
+use super::backlash_load_side_light::BacklashLoadSideLight;
 use super::{Carried, Confusion, Coupling, Effect, Given, Inner, Motion, Quantity, Seat, Spec, Survey, geometric, undriven};
 use crate::format::quantity;
 
@@ -82,7 +84,7 @@ impl Effect for Backlash {
         )
     }
     fn other_forms(&self) -> &'static [&'static dyn Effect] {
-        &[&BacklashBraked, &BacklashLoadSide]
+        &[&BacklashBraked, &BacklashLoadSide, &BacklashLoadSideLight]
     }
     fn unsuited(&self, axis: Given) -> Option<&'static str> {
         undriven(axis)

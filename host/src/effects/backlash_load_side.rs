@@ -64,7 +64,7 @@ impl Effect for BacklashLoadSide {
         Backlash.grid(survey)
     }
     fn transmit(&self, p: &[f64], path: &mut Path) {
-        (path.gap, path.before_gap) = (p[0], p[1]);
+        (path.gap, path.friction_before_gap) = (p[0], p[1]);
     }
     fn coupling(&self, p: &[f64], inertia: f64, [coulomb, viscous]: [f64; 2]) -> Option<Coupling> {
         let load = (1.0 - MOTOR) * inertia;

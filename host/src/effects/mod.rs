@@ -10,6 +10,7 @@
 
 mod backlash_braked;
 mod backlash_load_side;
+mod backlash_load_side_light;
 mod compliance_load_side;
 mod creep;
 mod hardening_spring_off_centre;

@@ -1,5 +1,7 @@
 //! The way of the input to the axis: what an amplifier makes of the recorded `u`.
 
+use super::MOTOR;
+
 /// Static limits first, then what shifts and smooths in time: `w = soft_limit(limit(dead_zone(threshold(u))))`, delayed,
 /// through a first-order lag, and through a spring that swings. Delay, lag and spring commute with each other, and a delay
 /// with anything. Lags in series, those of a winding and of what drives it, act as one of their sum, which is right to the
@@ -25,7 +27,9 @@ pub struct Path {
     /// Gap between the drive and the measured side, rad or m; zero where there is none.
     pub gap: f64,
     /// Share of the friction that acts before the gap.
-    pub before_gap: f64,
+    pub friction_before_gap: f64,
+    /// Share of the inertia that is before the gap.
+    pub inertia_before_gap: f64,
 }
 
 /// Where a spring on the way of the input stands: `a` follows the input `w`, with `ȧ = ω·b` and `ḃ = ω·(w − a) − 2ζω·b`. The
@@ -58,7 +62,8 @@ impl Default for Path {
             resonance: f64::INFINITY,
             damping: 0.0,
             gap: 0.0,
-            before_gap: 1.0,
+            friction_before_gap: 1.0,
+            inertia_before_gap: MOTOR,
         }
     }
 }
@@ -83,7 +88,7 @@ impl Path {
     }
 
     /// What distinguishes two paths.
-    pub fn bits(&self) -> [u64; 10] {
+    pub fn bits(&self) -> [u64; 11] {
         let Self {
             threshold,
             dead_zone,
@@ -94,11 +99,21 @@ impl Path {
             resonance,
             damping,
             gap,
-            before_gap,
+            friction_before_gap,
+            inertia_before_gap,
         } = *self;
         [
-            threshold, dead_zone, limit, soft_limit, delay, lag, resonance, damping, gap,
-            before_gap,
+            threshold,
+            dead_zone,
+            limit,
+            soft_limit,
+            delay,
+            lag,
+            resonance,
+            damping,
+            gap,
+            friction_before_gap,
+            inertia_before_gap,
         ]
         .map(f64::to_bits)
     }
@@ -120,6 +135,23 @@ impl Path {
             resonance: self.resonance,
             damping: self.damping,
             ..Self::default()
+        }
+    }
+
+    /// The same without a gap on the way.
+    #[must_use]
+    pub fn without_gap(&self) -> Self {
+        let Self {
+            gap,
+            friction_before_gap,
+            inertia_before_gap,
+            ..
+        } = Self::default();
+        Self {
+            gap,
+            friction_before_gap,
+            inertia_before_gap,
+            ..*self
         }
     }
 
