@@ -1,5 +1,7 @@
 //! A recording on a uniform time grid, with smoothed velocity and the direction of sliding.
 
+use std::ops::Range;
+
 use super::TRAIN_SHARE;
 use super::reversal::{Drive, Reversal};
 use super::smooth::Differentiator;
@@ -475,8 +477,8 @@ impl Track {
         (2.0 * (CHANCE * deviates).ln()).sqrt()
     }
 
-    /// Stretches of certain direction: first node, one past the last, direction.
-    fn stretches(&self) -> Vec<(usize, usize, f64)> {
+    /// Stretches of certain direction.
+    fn stretches(&self) -> Vec<Stretch> {
         let (slow, rest) = (SLOW * self.velocity_noise, self.rest());
         let mut pieces: Vec<(usize, usize, f64)> = Vec::new();
         for (k, v) in self.v.iter().enumerate().filter(|(_, v)| v.abs() > slow) {
@@ -491,7 +493,7 @@ impl Track {
             let noise = self.position_noise * (steps as f64).sqrt();
             direction * (self.q[to - 1] - self.q[from]) / noise
         };
-        let [some, certain] = if self.summed {
+        let [some, enough] = if self.summed {
             [self.extreme(); 2]
         } else {
             [HALF_A_STEP, CERTAIN_TRAVEL]
@@ -501,7 +503,8 @@ impl Track {
             let moving = |piece: &(usize, usize, f64)| travel(piece) > some;
             let first = one_way.iter().position(moving)?;
             let last = one_way.iter().rposition(moving)?;
-            let (mut from, mut to) = (one_way[first].0, one_way[last].1);
+            let certain = one_way[first].0..one_way[last].1;
+            let (mut from, mut to) = (certain.start, certain.end);
             if first > 0 && from - one_way[first - 1].1 <= self.hidden(from, true) {
                 from = one_way[0].0;
             }
@@ -510,12 +513,15 @@ impl Track {
             {
                 to = one_way[one_way.len() - 1].1;
             }
-            Some((from, to, one_way[0].2))
+            let direction = one_way[0].2;
+            (travel(&(from, to, direction)) > enough).then_some(Stretch {
+                nodes: from..to,
+                certain,
+                direction,
+            })
         };
-        let one_way = pieces.chunk_by(|a, b| a.2 == b.2).filter_map(moves);
-        one_way
-            .filter(|stretch| travel(stretch) > certain)
-            .collect()
+        let one_way = pieces.chunk_by(|a, b| a.2 == b.2);
+        one_way.filter_map(moves).collect()
     }
 
     /// Nodes up to which a stretch of unknown motion before a node, `ahead` of which an axis moves off, or behind one that it comes up
@@ -548,10 +554,12 @@ impl Track {
         let travel = CERTAIN_TRAVEL * self.position_noise;
         let longest = UNRESOLVED * reach as f64;
         let stretches = self.stretches();
-        let turns = stretches.windows(2).filter(|pair| pair[0].2 != pair[1].2);
+        let turns = stretches
+            .windows(2)
+            .filter(|pair| pair[0].direction != pair[1].direction);
         let mut barred = 0;
         for pair in turns {
-            let (halt, start) = (pair[0].1 - 1, pair[1].0);
+            let (halt, start) = (pair[0].nodes.end - 1, pair[1].nodes.start);
             let place = 0.5 * (self.q[halt] + self.q[start]);
             let before = |travel| self.first_off(place, travel, halt, false);
             let after = |travel| self.first_off(place, travel, start, true);
@@ -578,9 +586,13 @@ impl Track {
             coulomb: balance.coulomb,
         });
         let half = filter.half();
-        let fit = |span: usize, pair: &[(usize, usize, f64)]| {
-            let ((from, halt, _), (start, to, direction)) = (pair[0], pair[1]);
-            let nodes = from.max(halt.saturating_sub(span))..to.min(start + span);
+        let fit = |span: usize, pair: &[Stretch]| {
+            let (before, after) = (&pair[0], &pair[1]);
+            let (halt, start) = (before.nodes.end, after.nodes.start);
+            // Without certain motion on either side the axis may come to rest anywhere.
+            let from = before.certain.end.saturating_sub(span);
+            let to = after.certain.start + span;
+            let nodes = before.nodes.start.max(from)..after.nodes.end.min(to);
             let enough = halt - nodes.start > half && nodes.end - start > half;
             if !enough {
                 return None;
@@ -592,14 +604,14 @@ impl Track {
                 start,
                 nodes,
                 self.position_noise,
-                direction,
+                after.direction,
                 drive.as_ref(),
             )
             .filter(|reversal| reversal.variance <= smooth)
         };
         stretches
             .windows(2)
-            .filter(|pair| pair[0].2 != pair[1].2)
+            .filter(|pair| pair[0].direction != pair[1].direction)
             .filter_map(|pair| fit(2 * half + 1, pair).or_else(|| fit(half + 1, pair)))
             .collect()
     }
@@ -674,6 +686,15 @@ impl Held {
             })
             .collect()
     }
+}
+
+/// Motion in one direction.
+struct Stretch {
+    /// Its nodes, with those at its ends at which it may still move.
+    nodes: Range<usize>,
+    /// Those up to which it certainly does.
+    certain: Range<usize>,
+    direction: f64,
 }
 
 /// Mean of `sgn v` over a cell in which velocity runs linearly from `left` to `right`.
@@ -933,6 +954,36 @@ mod tests {
         assert!(track.sliding[502..648].iter().all(|&s| s == 0.0));
         assert!(track.sliding[..499].iter().all(|&s| s == 1.0));
         assert!(track.sliding[652..].iter().all(|&s| s == 1.0));
+    }
+
+    /// It stops and rests for 0.7 s, in which noise flickers by a count or two; only then does it move back.
+    #[test]
+    fn a_flicker_in_a_rest_is_no_motion() {
+        const COUNT: f64 = 2.4e-5;
+        const FLICKER: &[u8] =
+            b"........-+...-.......+...-+.............+.....-............+........++............+...++";
+        let t: Vec<f64> = (0..1200).map(|k| f64::from(k) * 2e-3).collect();
+        let place = |t: f64| 7.0 * ((1.001 - t).max(0.0).powi(2) + (t - 1.7).max(0.0).powi(2));
+        let seen = |(k, &t): (usize, &f64)| {
+            let off = match FLICKER[k % FLICKER.len()] {
+                b'+' => 1.0,
+                b'-' => -1.0,
+                _ => 0.0,
+            };
+            ((place(t) / COUNT).round() + off) * COUNT
+        };
+        let recording = Recording {
+            path: "flicker.csv".into(),
+            u: vec![0.0; t.len()],
+            q: Some(t.iter().enumerate().map(seen).collect()),
+            t,
+            ..Recording::default()
+        };
+        let track = Track::new(&recording, Motion::Rotary, None);
+        let rests = track.sliding[505..845].iter().filter(|&&s| s == 0.0);
+        assert!(rests.count() > 320);
+        assert!(track.sliding[..499].iter().all(|&s| s == 1.0));
+        assert!(track.sliding[855..].iter().all(|&s| s == 1.0));
     }
 
     /// At 1 rad/s² a coarse encoder hides some 50 ms on either side of the halt, a fine one 5 ms, and a rest is no part of it.
