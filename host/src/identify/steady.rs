@@ -35,11 +35,11 @@ pub fn steadied(
         return Ok(recordings);
     }
     let means: Vec<Vec<f64>> = recordings.iter().map(|r| levels(&r.u)).collect();
-    let held = |(recording, means): (&Recording, &Vec<f64>)| {
-        let moved = means.iter().zip(&recording.u).filter(|(m, u)| m != u);
-        2 * moved.count() > recording.u.len()
-    };
-    if !recordings.iter().zip(&means).all(held) {
+    if !recordings
+        .iter()
+        .zip(&means)
+        .all(|(r, means)| held(&r.u, means))
+    {
         return Ok(recordings);
     }
     let bench = Workbench::new(&recordings, model, options)?;
@@ -53,6 +53,19 @@ pub fn steadied(
         ..recording
     };
     Ok(recordings.into_iter().zip(means).map(steady).collect())
+}
+
+/// Whether most readings are those of levels, and the levels are more than what flickers about them: a controller that feeds back a
+/// noisy speed drives with noise about a level of next to nothing.
+fn held(u: &[f64], means: &[f64]) -> bool {
+    let moved = u.iter().zip(means).filter(|(u, mean)| u != mean).count();
+    let flicker: f64 = u
+        .iter()
+        .zip(means)
+        .map(|(u, mean)| (u - mean).powi(2))
+        .sum();
+    let level: f64 = means.iter().map(|mean| mean * mean).sum();
+    2 * moved > u.len() && flicker < level
 }
 
 /// Adds what the levels that were taken for readings err by to the errors of all that is told in units of the input: of `N` readings with
@@ -161,7 +174,7 @@ mod tests {
     use rand::{Rng, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
-    use super::levels;
+    use super::{held, levels};
 
     /// Of a drive of two levels each has one mean, of many each its own; what drifts, or is not held, stays as it is.
     #[test]
@@ -188,8 +201,12 @@ mod tests {
         };
         assert!(off(&noisy(&two), &two) < 1e-3);
         assert!(off(&noisy(&many), &many) < 6e-3);
+        let readings = noisy(&two);
+        assert!(held(&readings, &levels(&readings)));
         let drifts = noisy(&|k| 1e-3 * k as f64);
         assert_eq!(levels(&drifts), drifts);
+        let fed_back = noisy(&|_| 1e-3);
+        assert!(!held(&fed_back, &levels(&fed_back)));
         let sine = |k: usize| (0.1 * k as f64).sin();
         let smooth: Vec<f64> = (0..4000).map(sine).collect();
         assert_eq!(levels(&smooth), smooth);
