@@ -2,7 +2,7 @@
 //! `τ = stiffness·(q − rest) + cubic·(q − rest)³`.
 
 use super::hardening_spring::HardeningSpring;
-use super::spring_off_centre::SpringOffCentre;
+use super::spring_off_centre::places;
 use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Spec, Survey};
 
 pub(super) struct HardeningSpringOffCentre;
@@ -45,7 +45,7 @@ impl Effect for HardeningSpringOffCentre {
         Some(2)
     }
     fn grid(&self, survey: &Survey) -> Vec<f64> {
-        SpringOffCentre.grid(survey)
+        places(survey.travel.0, survey.travel.1)
     }
     fn basis(&self, inner: Inner, at: Point, out: &mut [f64]) {
         let q = at.q - inner[0];

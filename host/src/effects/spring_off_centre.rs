@@ -35,11 +35,12 @@ impl Effect for SpringOffCentre {
     fn inner(&self) -> Option<usize> {
         Some(1)
     }
-    /// Places along the travel. A spring that rests far beyond it is an offset that hardly varies.
+    /// Places along the travel, and beyond it as far again, where a preloaded spring rests. One that rests farther away is an offset
+    /// that hardly varies.
     fn grid(&self, survey: &Survey) -> Vec<f64> {
         let (low, high) = survey.travel;
-        let step = (high - low) / (PLACES - 1) as f64;
-        (0..PLACES).map(|k| low + k as f64 * step).collect()
+        let span = high - low;
+        places(low - span, high + span)
     }
     fn basis(&self, inner: Inner, at: Point, out: &mut [f64]) {
         out[0] = at.q - inner[0];
@@ -47,4 +48,10 @@ impl Effect for SpringOffCentre {
     fn admissible(&self, c: &[f64]) -> bool {
         Spring.admissible(c)
     }
+}
+
+/// Places that are equally far apart.
+pub(super) fn places(low: f64, high: f64) -> Vec<f64> {
+    let step = (high - low) / (PLACES - 1) as f64;
+    (0..PLACES).map(|k| low + k as f64 * step).collect()
 }
