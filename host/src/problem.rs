@@ -67,7 +67,7 @@ type Signals = Arc<Vec<Vec<Vec<f64>>>>;
 /// What the columns of an effect, in one of its forms, are cached by.
 fn key(effect: &'static dyn Effect, inner: Inner, direction: &Direction, path: &Path) -> Key {
     let mut key = inner.map(f64::to_bits).to_vec();
-    key.push(effect.width() as u64);
+    key.push(effects::form(effect) as u64);
     key.extend(direction.bristled);
     key.extend(if effect.driven() {
         path.bits()

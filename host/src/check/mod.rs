@@ -17,8 +17,9 @@ pub use stamps::evened;
 
 use serde::Serialize;
 
+use crate::format;
 use crate::identify::Workbench;
-use crate::model::{Model, Term};
+use crate::model::{Model, Parameter, Term};
 use crate::motion::Motion;
 use crate::recording::Recording;
 use crate::system;
@@ -108,6 +109,17 @@ pub fn creeps(term: &Term, motion: Motion) -> Warning {
         "smooth-friction",
         format!(
             "{sentence} Simulators smooth friction so, and soft parts between the sensor and the surfaces act alike; where the axis must hold its place without drive, record slow ramps of the drive below breakaway."
+        ),
+    )
+}
+
+/// What there is to know of a friction law whose curve has another exponent than the law by itself.
+pub fn bends_otherwise(exponent: &Parameter) -> Warning {
+    let exponent = format::parameter(exponent.value.unwrap_or_default(), exponent.se, "1");
+    Warning::weak(
+        "law-exponent",
+        format!(
+            "The friction law by itself does not hold: the exponent of its curve was estimated with the rest and comes out as {exponent}. To say so, write exponent = \"?\", or a number, into [friction]."
         ),
     )
 }

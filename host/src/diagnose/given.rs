@@ -11,13 +11,21 @@ use crate::format;
 use crate::identify::Workbench;
 use crate::model::{Model, Parameter};
 
+/// Friction that does not hold.
+pub(super) struct Refuted {
+    /// What it is, and what it comes out as.
+    pub text: String,
+    /// Whether that is the exponent that the law has by itself, and the model file gives all the rest rightly.
+    pub of_law: bool,
+}
+
 /// What the recordings say of the friction that the model file gives, if that by itself explains more of a model's error
 /// than counts, and no less than all effects that were found, which leave an error of `remaining`.
 pub(super) fn refuted(
     bench: &Workbench,
     model: &Model,
     (error_before, remaining): (f64, f64),
-) -> Result<Option<String>> {
+) -> Result<Option<Refuted>> {
     let given = friction(model);
     if given.is_empty() {
         return Ok(None);
@@ -49,8 +57,14 @@ pub(super) fn refuted(
             )
         })
     };
-    let off: Vec<String> = given.iter().filter_map(off).collect();
-    Ok((!off.is_empty()).then(|| off.join(", ")))
+    let off: Vec<(usize, String)> = given.iter().filter_map(|k| Some((*k, off(k)?))).collect();
+    let of_law = model.exponent_of_law();
+    Ok((!off.is_empty()).then(|| Refuted {
+        of_law: off.iter().all(|(k, _)| Some(*k) == of_law),
+        text: (off.into_iter().map(|(_, text)| text))
+            .collect::<Vec<String>>()
+            .join(", "),
+    }))
 }
 
 /// The parameters of the friction law that are given, by their places in [`Model::parameters`].

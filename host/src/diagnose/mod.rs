@@ -65,6 +65,8 @@ const BESIDE_UNKNOWN: f64 = 0.3;
 /// Where the encoder is too coarse for a reversal, the direction of friction is a guess there, and a wrong one is what any effect may
 /// stand in for. So what is left out must show elsewhere as well, unless its strongest part is one that shows at reversals only;
 /// bristles that break away before the position tells that they bend do not show there either.
+///
+/// Where only the exponent that a law has by itself speaks against it, it is estimated with the rest.
 pub fn diagnose(
     bench: &Workbench,
     baseline: &Identified,
@@ -77,6 +79,16 @@ pub fn diagnose(
         told,
     };
     let outcome = diagnosed(bench, start, recordings, progress)?;
+    if let Some(exponent) = (baseline.model.exponent_of_law()).filter(|_| outcome.of_law) {
+        progress("the same with another exponent of the friction law");
+        let mut free = baseline.model.clone();
+        free.parameters_mut()[exponent].known = false;
+        let free = bench.fit(&free, recordings)?;
+        let mut outcome = diagnose(bench, &free, recordings, progress)?;
+        let exponent = check::bends_otherwise(outcome.after.parameters()[exponent]);
+        outcome.diagnosis.warnings.push(exponent);
+        return Ok(outcome);
+    }
     let found = &outcome.diagnosis;
     let bends = |breakaway| bench.problem.tracks.iter().any(|t| t.shows(breakaway));
     let resolves = |id| id != "presliding" || outcome.after.breakaway().is_some_and(bends);
@@ -263,8 +275,9 @@ fn concluded(
         Some(place) => place.clone(),
         None => place(bench, before, named.then_some(&after)),
     };
+    let of_law = given.as_ref().is_some_and(|given| given.of_law);
     let text = match given {
-        Some(given) => given_sentence(&given),
+        Some(given) => given_sentence(&given.text),
         None if departs && remains.is_none() => departure_sentence(&when(bench, &after), &findings),
         None if let Some(beyond) = beyond => beyond.sentence(&findings, remains),
         None => verdict_sentence(verdict, &findings, remains, &warnings),
@@ -291,6 +304,7 @@ fn concluded(
         diagnosis,
         before: baseline.model.clone(),
         after: told,
+        of_law,
     };
     if selected.is_empty() {
         outcome.tell(baseline);
@@ -305,7 +319,7 @@ struct Judged {
     /// Whether that counts.
     significant: bool,
     /// Friction that the model file gives and that does not hold.
-    given: Option<String>,
+    given: Option<given::Refuted>,
     /// Whether the names are not the physics, however well they fit.
     nameless: bool,
 }
@@ -577,12 +591,16 @@ fn refuted_by_itself(
     {
         return Ok(Some(limit.effect.id()));
     }
+    let travel = bench.problem.survey(settled).travel;
+    if let Some((_, spring)) = named.iter().find(|(_, t)| pushes(t, travel)) {
+        return Ok(Some(spring.effect.id()));
+    }
     let lost = system::lost(&bench.problem, settled);
     let slight = lost.is_some_and(|lost| trial::negligible(bench, lost));
     if let Some((_, gap)) = named.iter().find(|(_, t)| slight && t.effect.divides()) {
         return Ok(Some(nuisance.unwrap_or(gap.effect.id())));
     }
-    let (least, most) = bench.problem.survey(settled).travel;
+    let (least, most) = travel;
     let short = (settled.breakaway()).is_some_and(|distance| distance < SHORT * (most - least));
     let doubts = named
         .iter()
@@ -595,6 +613,24 @@ fn refuted_by_itself(
         }
     }
     Ok(None)
+}
+
+/// Whether a hardening spring pulls back nowhere on a travel: what pushes away is none, and bends to anything that grows with time
+/// where an axis goes one way.
+fn pushes(spring: &Term, (least, most): (f64, f64)) -> bool {
+    if spring.effect.id() != "hardening-spring" {
+        return false;
+    }
+    let value = |name: &str| {
+        let specs = spring.effect.parameters();
+        let at = specs.iter().position(|spec| spec.name == name);
+        at.and_then(|k| spring.parameters[k].value)
+            .unwrap_or_default()
+    };
+    let farthest = (least - value("rest"))
+        .abs()
+        .max((most - value("rest")).abs());
+    value("stiffness") + value("cubic") * farthest * farthest < 0.0
 }
 
 /// A model of what was selected as `identify` tells it: fitted under noise that is told beside it, less what sensors and smoothing do
@@ -862,6 +898,16 @@ mod tests {
         assert!(pieced(&terms, false));
         terms.retain(|t| t.effect.id() != "quadratic-drag");
         assert!(!pieced(&terms, true));
+    }
+
+    /// Up to 3 rad a cubic outdoes a stiffness of −9 rad² times it.
+    #[test]
+    fn a_spring_pulls_back_somewhere_on_the_travel() {
+        let text = "[plant]\nmotion = \"rotary\"\n[effects.hardening-spring]\nstiffness = -0.8\ncubic = 0.1\n";
+        let mut model = Model::parse(text).unwrap();
+        assert!(!pushes(&model.terms[0], (-2.0, 3.0)));
+        model.terms[0].parameters[0].value = Some(-1.0);
+        assert!(pushes(&model.terms[0], (-2.0, 3.0)));
     }
 
     /// Twice the squared error, or more than the motion and than in the training part; where the axis hardly moves, errors say

@@ -177,6 +177,8 @@ pub struct Outcome {
     pub before: Model,
     /// The final model.
     pub after: Model,
+    /// Whether of the baseline only the exponent that its friction law has by itself does not hold.
+    pub(super) of_law: bool,
 }
 
 impl Outcome {
@@ -186,6 +188,7 @@ impl Outcome {
             diagnosis,
             before,
             after,
+            ..
         } = self;
         (*before, *after) = (baseline.model.clone(), baseline.model.clone());
         diagnosis.fit.before = baseline.fit;

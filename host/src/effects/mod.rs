@@ -26,6 +26,7 @@ mod saturation_soft;
 mod sensor_eccentricity_harmonic;
 mod spring_off_centre;
 mod swing;
+mod thermal_drift_from_cold;
 mod wave;
 
 pub use backlash::CONTACT;
@@ -413,6 +414,13 @@ pub fn find(id: &str) -> Option<&'static dyn Effect> {
 pub fn same_form(one: &dyn Effect, other: &dyn Effect) -> bool {
     let names = |effect: &dyn Effect| effect.parameters().iter().map(|spec| spec.name);
     one.id() == other.id() && names(one).eq(names(other))
+}
+
+/// Which of the forms of its effect one is; the plain one comes first.
+pub fn form(effect: &dyn Effect) -> usize {
+    let others = find(effect.id()).map_or(&[][..], Effect::other_forms);
+    let other = others.iter().position(|form| same_form(*form, effect));
+    other.map_or(0, |place| place + 1)
 }
 
 /// The text under a heading of an effect's documentation, on one line.

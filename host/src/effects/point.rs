@@ -118,6 +118,8 @@ pub struct Given {
     pub driven: bool,
     /// Whether the model file gives the inertia, and the gain with it.
     pub inertia: bool,
+    /// Whether it gives a friction that is not told from the recording.
+    pub friction: bool,
 }
 
 /// Parameters of the model that those of an effect are measured against.

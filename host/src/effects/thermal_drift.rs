@@ -3,6 +3,9 @@
 //! `τ = (coulomb_change·sgn v + viscous_change·v)·e^(−t/time_constant)`, time counted from the first sample. Positive
 //! changes are what the cold axis has more.
 //!
+//! Friction that a model file gives may be that of the cold axis instead: with `τ = (coulomb_rise·sgn v +
+//! viscous_rise·v)·(1 − e^(−t/time_constant))` it begins there. `diagnose` tries both.
+//!
 //! # What it looks like in a recording
 //! The same motion takes less and less drive; the residual has the sign of velocity and fades.
 //!
@@ -19,6 +22,7 @@
 //! L. Simoni, M. Beschi, G. Legnani, A. Visioli, Modelling the temperature in joint friction of industrial
 //! manipulators, Robotica 37(5), 2019 (friction that follows a first-order temperature).
 
+use super::thermal_drift_from_cold::ThermalDriftFromCold;
 use super::{Confusion, Effect, Inner, Motion, Point, Quantity, Spec, Survey, geometric};
 use crate::format::quantity;
 
@@ -64,6 +68,9 @@ impl Effect for ThermalDrift {
             quantity(p[0], Quantity::Torque.unit(motion)),
             quantity(p[1], Quantity::Viscous.unit(motion))
         )
+    }
+    fn other_forms(&self) -> &'static [&'static dyn Effect] {
+        &[&ThermalDriftFromCold]
     }
     fn timed(&self) -> bool {
         true

@@ -157,6 +157,7 @@ impl Model {
             motion,
             driven: causality == Causality::Forward,
             inertia: inertia.known && gain.known,
+            friction: coulomb.known || viscous.known,
         };
         terms.extend(effect_terms(section(&document, "effects")?, axis, &terms)?);
         Ok(Self {

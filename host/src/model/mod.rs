@@ -233,6 +233,19 @@ impl Model {
         plant.chain(effects).collect()
     }
 
+    /// The place in [`Model::parameters`] of the exponent of the friction law if the law gives it, and the file nothing.
+    pub fn exponent_of_law(&self) -> Option<usize> {
+        let of_file = self.document.get("friction");
+        if of_file.is_some_and(|friction| friction.get("exponent").is_some()) {
+            return None;
+        }
+        let labels = self.labels();
+        let at = labels
+            .iter()
+            .position(|l| l.effect.is_none() && l.name == "exponent")?;
+        self.parameters()[at].known.then_some(at)
+    }
+
     /// The unit of a quantity on this axis.
     pub fn unit(&self, quantity: Quantity) -> &'static str {
         if quantity == Quantity::Gain {
@@ -272,6 +285,7 @@ impl Model {
             motion: self.motion,
             driven: self.causality == Causality::Forward,
             inertia: self.inertia.known && self.gain.known,
+            friction: self.coulomb.known || self.viscous.known,
         }
     }
 
