@@ -259,8 +259,7 @@ fn concluded(
     let mut warnings = check::warnings(bench, before, recordings);
     warnings.retain(|w| w.id != SHIFTED || shifted(verdict, &findings));
     warnings.extend(creep.map(|term| check::creeps(&term, after.motion)));
-    let suspect = warnings.iter().any(contradicts);
-    if verdict == Verdict::Unknown || suspect {
+    if verdict == Verdict::Unknown || warnings.iter().any(contradicts) {
         findings
             .iter_mut()
             .for_each(|f| f.confidence *= BESIDE_UNKNOWN);
@@ -275,8 +274,7 @@ fn concluded(
         Some(place) => place.clone(),
         None => place(bench, before, named.then_some(&after)),
     };
-    let of_law = given.as_ref().is_some_and(|given| given.of_law);
-    let text = match given {
+    let text = match &given {
         Some(given) => given_sentence(&given.text),
         None if departs && remains.is_none() => departure_sentence(&when(bench, &after), &findings),
         None if let Some(beyond) = beyond => beyond.sentence(&findings, remains),
@@ -304,7 +302,7 @@ fn concluded(
         diagnosis,
         before: baseline.model.clone(),
         after: told,
-        of_law,
+        of_law: given.is_some_and(|given| given.of_law),
     };
     if selected.is_empty() {
         outcome.tell(baseline);
