@@ -3,8 +3,8 @@
 //! `τ = (coulomb_change·sgn v + viscous_change·v)·e^(−t/time_constant)`, time counted from the first sample. Positive
 //! changes are what the cold axis has more.
 //!
-//! Friction that a model file gives may be that of the cold axis instead: with `τ = (coulomb_rise·sgn v +
-//! viscous_rise·v)·(1 − e^(−t/time_constant))` it begins there. `diagnose` tries both.
+//! Friction that a model file gives may be that of the cold axis instead. With `coulomb_rise` and `viscous_rise` it begins there:
+//! `τ = (coulomb_rise·sgn v + viscous_rise·v)·(1 − e^(−t/time_constant))`. `diagnose` tries both.
 //!
 //! # What it looks like in a recording
 //! The same motion takes less and less drive; the residual has the sign of velocity and fades.
