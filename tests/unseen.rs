@@ -1093,24 +1093,12 @@ fn a_diagnosis_tells_what_identification_tells() {
     assert!(told < 1.5 * known, "{told} {known}");
 }
 
-/// What a diagnosis says of an axis that was simulated from a model, with the estimates in the JSON.
-fn simulated(truth: &str, baseline: &str, options: &str) -> Value {
-    let folder = Folder::new();
-    folder.write("truth.toml", truth);
-    folder.write("axis.toml", baseline);
-    folder.done(&format!(
-        "simulate --model truth.toml {options} --out run.csv"
-    ));
-    folder.done("diagnose run.csv --model axis.toml --json found.json");
-    folder.json("found.json")
-}
-
 /// A preloaded spring pulls one way over the whole travel: an offset, and a slope.
 #[test]
 fn a_spring_that_rests_beyond_the_travel_is_one() {
     let truth = format!("{PLAIN}[effects.spring]\nstiffness = 0.05\nrest = -1.6\n");
     let options = "--excite multisine --amplitude 1 --band 0.1:2 --control pd --rate 1000 --counts 65536 --noise 0.003 --duration 20 --seed 5";
-    let json = simulated(&truth, BASELINE, options);
+    let json = diagnosed_of(&truth, BASELINE, options);
     let finding = only_finding(&json, "spring", 0.5);
     assert!(
         (value(finding, "rest") / -1.6 - 1.0).abs() < 0.1,
@@ -1123,7 +1111,7 @@ fn a_spring_that_rests_beyond_the_travel_is_one() {
 fn drift_from_given_friction_is_one_effect() {
     let drifts = "[effects.thermal-drift]\ncoulomb_rise = -0.05\nviscous_rise = -0.01\ntime_constant = 6.0\n";
     let options = "--excite multisine --amplitude 1 --band 0.1:2 --control pd --rate 1000 --counts 65536 --noise 0.003 --duration 24 --seed 6";
-    let json = simulated(&format!("{PLAIN}{drifts}"), PLAIN, options);
+    let json = diagnosed_of(&format!("{PLAIN}{drifts}"), PLAIN, options);
     let finding = only_finding(&json, "thermal-drift", 0.5);
     let off = value(finding, "time_constant") / 6.0 - 1.0;
     assert!(off.abs() < 0.1, "{finding}");
@@ -1144,7 +1132,7 @@ fn another_exponent_than_that_of_the_law_is_told_and_no_effect() {
     let open =
         axis("coulomb = \"?\"\nviscous = \"?\"\nstatic = \"?\"\nstribeck_velocity = \"?\"\n");
     let options = "--excite multisine --amplitude 1 --band 0.1:1 --control pd --rate 1000 --counts 65536 --noise 0.001 --duration 30 --seed 7";
-    let json = simulated(&truth, &open, options);
+    let json = diagnosed_of(&truth, &open, options);
     assert_eq!(json["verdict"], "adequate", "{}", json["text"]);
     let warnings = json["warnings"].as_array().expect("a list");
     assert!(warnings.iter().any(|w| w["id"] == "law-exponent"), "{json}");

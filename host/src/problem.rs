@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
-use crate::effects::{self, Carried, Effect, Inner, Path, Point, Survey, Wave};
+use crate::effects::{self, Carried, Effect, Gap, Inner, Path, Point, Survey, Wave};
 use crate::model::Model;
 use crate::motion::Motion;
 use crate::phasor;
@@ -194,7 +194,10 @@ impl Problem {
     /// `∫u φ` of what a path makes of the input.
     pub fn input(&self, path: &Path) -> Column {
         // What a gap keeps back is a column of its own.
-        let path = path.without_gap();
+        let path = Path {
+            gap: Gap::default(),
+            ..*path
+        };
         self.cached(("input", path.bits().to_vec()), || {
             let mut inputs = if path.swings() {
                 self.inputs(&path).to_vec()

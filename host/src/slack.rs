@@ -71,7 +71,7 @@ struct Motor {
 
 impl Motor {
     fn of(forces: &Forces, path: &Path) -> Self {
-        let (own, share) = (path.friction_before_gap, path.inertia_before_gap);
+        let (own, share) = (path.gap.friction, path.gap.inertia);
         Self {
             inertia: share * forces.inertia,
             share,
@@ -102,7 +102,7 @@ impl Slack {
     /// Follows the motor through the gap on a path along a track, from the end towards which it pushes first, through the cells
     /// whose input is given.
     pub fn new(track: &Track, input: &[f64], forces: &Forces, path: &Path) -> Self {
-        let (h, half) = (track.period, 0.5 * path.gap);
+        let (h, half) = (track.period, 0.5 * path.gap.width);
         let motor = Motor::of(forces, path);
         let drive = forces.drive(track, input);
         let count = drive.len();

@@ -540,7 +540,7 @@ fn kept_back(problem: &Problem, model: &Model, path: &Path) -> Option<Vec<f64>> 
         coulomb: value(&model.coulomb),
         viscous: value(&model.viscous),
     };
-    let moves = path.gap > 0.0 && forces.gain != 0.0 && forces.inertia > 0.0;
+    let moves = path.gap.width > 0.0 && forces.gain != 0.0 && forces.inertia > 0.0;
     moves.then(|| scaled(&problem.slack(path, &forces), 1.0 / forces.gain))
 }
 

@@ -31,7 +31,6 @@
 
 use super::backlash_braked::BacklashBraked;
 use super::backlash_load_side::BacklashLoadSide;
-use super::backlash_load_side_light::BacklashLoadSideLight;
 use super::{Carried, Confusion, Coupling, Effect, Given, Inner, Motion, Quantity, Seat, Spec, Survey, geometric, undriven};
 use crate::format::quantity;
 
@@ -84,7 +83,7 @@ impl Effect for Backlash {
         )
     }
     fn other_forms(&self) -> &'static [&'static dyn Effect] {
-        &[&BacklashBraked, &BacklashLoadSide, &BacklashLoadSideLight]
+        &[&BacklashBraked, &BacklashLoadSide::ALIKE, &BacklashLoadSide::LIGHT]
     }
     fn unsuited(&self, axis: Given) -> Option<&'static str> {
         undriven(axis)

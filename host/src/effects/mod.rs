@@ -10,7 +10,6 @@
 
 mod backlash_braked;
 mod backlash_load_side;
-mod backlash_load_side_light;
 mod compliance_load_side;
 mod creep;
 mod hardening_spring_off_centre;
@@ -31,7 +30,7 @@ mod wave;
 
 pub use backlash::CONTACT;
 pub use creep::CREEP;
-pub use path::{Path, Swing};
+pub use path::{Gap, Path, Swing};
 pub use point::{Given, Moment, Point, Scale, Survey};
 pub use quantity::{Quantity, Spec};
 pub use wave::Wave;

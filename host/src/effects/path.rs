@@ -24,12 +24,30 @@ pub struct Path {
     pub resonance: f64,
     /// Its damping ratio.
     pub damping: f64,
-    /// Gap between the drive and the measured side, rad or m; zero where there is none.
-    pub gap: f64,
-    /// Share of the friction that acts before the gap.
-    pub friction_before_gap: f64,
-    /// Share of the inertia that is before the gap.
-    pub inertia_before_gap: f64,
+    /// Gap between the drive and the measured side.
+    pub gap: Gap,
+}
+
+/// A gap on the way of the input, and what of the axis is before it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gap {
+    /// Its width, rad or m; zero where there is none.
+    pub width: f64,
+    /// Share of the friction that acts before it.
+    pub friction: f64,
+    /// Share of the inertia that is before it.
+    pub inertia: f64,
+}
+
+impl Default for Gap {
+    /// There is none.
+    fn default() -> Self {
+        Self {
+            width: 0.0,
+            friction: 1.0,
+            inertia: MOTOR,
+        }
+    }
 }
 
 /// Where a spring on the way of the input stands: `a` follows the input `w`, with `ȧ = ω·b` and `ḃ = ω·(w − a) − 2ζω·b`. The
@@ -61,9 +79,7 @@ impl Default for Path {
             lag: 0.0,
             resonance: f64::INFINITY,
             damping: 0.0,
-            gap: 0.0,
-            friction_before_gap: 1.0,
-            inertia_before_gap: MOTOR,
+            gap: Gap::default(),
         }
     }
 }
@@ -98,22 +114,16 @@ impl Path {
             lag,
             resonance,
             damping,
-            gap,
-            friction_before_gap,
-            inertia_before_gap,
+            gap:
+                Gap {
+                    width,
+                    friction,
+                    inertia,
+                },
         } = *self;
         [
-            threshold,
-            dead_zone,
-            limit,
-            soft_limit,
-            delay,
-            lag,
-            resonance,
-            damping,
-            gap,
-            friction_before_gap,
-            inertia_before_gap,
+            threshold, dead_zone, limit, soft_limit, delay, lag, resonance, damping, width,
+            friction, inertia,
         ]
         .map(f64::to_bits)
     }
@@ -125,7 +135,7 @@ impl Path {
 
     /// Whether it ends at another side of the axis than the drive's.
     pub fn divides(&self) -> bool {
-        self.swings() || self.gap > 0.0
+        self.swings() || self.gap.width > 0.0
     }
 
     /// The spring of the way alone.
@@ -135,23 +145,6 @@ impl Path {
             resonance: self.resonance,
             damping: self.damping,
             ..Self::default()
-        }
-    }
-
-    /// The same without a gap on the way.
-    #[must_use]
-    pub fn without_gap(&self) -> Self {
-        let Self {
-            gap,
-            friction_before_gap,
-            inertia_before_gap,
-            ..
-        } = Self::default();
-        Self {
-            gap,
-            friction_before_gap,
-            inertia_before_gap,
-            ..*self
         }
     }
 

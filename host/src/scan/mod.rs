@@ -358,7 +358,7 @@ impl<'a> Ground<'a> {
         let mut model = self.model_with(term, inner);
         let (mut system, mut score);
         if term.effect.width() == 0 {
-            if system::path(&model).gap > 0.0 {
+            if system::path(&model).gap.width > 0.0 {
                 // What a gap keeps back follows from the numbers of the model, which without it are far from the truth.
                 let first = self.anew(&model)?;
                 if let Some(score) = first.score(self.setting.blocks) {
