@@ -505,6 +505,20 @@ fn an_inertia_that_changes_over_the_turn_is_no_eccentricity() {
     assert!(gain > 0.8, "{gain}");
 }
 
+/// A linkage on an axis that goes round and round comes back to the same inertia twice a turn.
+#[test]
+fn an_inertia_that_changes_over_every_turn_is_noticed() {
+    let rounds = |t: f64| 15.0 * (TAU * 0.11 * t).sin() + 3.0 * (TAU * 0.43 * t).sin();
+    let torque = |_, state: State, u: f64| {
+        let (sin, cos) = (2.0 * state.q + 0.6).sin_cos();
+        let swing = 0.012 * 0.3 * sin * state.v * state.v;
+        let friction = 0.12 * state.v.signum() + 0.02 * state.v;
+        (u + swing + friction * 0.3 * cos) / (1.0 + 0.3 * cos)
+    };
+    let json = diagnosed_following(rounds, |_| PLAIN, torque);
+    assert_eq!(unknown(&json), "position and squared velocity");
+}
+
 /// Against friction it varies along the travel, but so does what would be a friction level only at one speed.
 #[test]
 fn viscous_friction_over_the_travel_is_no_friction_level() {
@@ -1404,4 +1418,32 @@ fn noise_that_a_held_drive_is_read_with_leaves_an_unknown_gain() {
     let gain = &folder.json("out.json")["parameters"]["gain"];
     let [value, se] = ["value", "se"].map(|key| gain[key].as_f64().expect("a number"));
     assert!((value - 1.0).abs() < 4.0 * se, "{gain}");
+}
+
+/// Under one sine alone acceleration looks like much else, each of which is fitted as far as it goes; the right one still fits best.
+#[test]
+fn a_wrong_inertia_shows_under_one_sine() {
+    let truth = PLAIN.replacen("0.012", "0.12", 1);
+    let known = BASELINE.replacen("\"?\"", "0.1", 1);
+    let options = "--excite multisine --amplitude 1.9 --band 0.6:0.6 --control pd --rate 1000 --counts 65536 --noise 0.01 --seed 4";
+    let json = diagnosed_of(&truth, &known, options);
+    let finding = only_finding(&json, "inertia-mismatch", 0.3);
+    assert!((value(finding, "inertia") - 0.12).abs() < 1e-3, "{finding}");
+}
+
+/// Ramps and steps hardly stir a load on a spring, so that only the sines after them tell of it: too few of the blocks for the weak
+/// form alone, but the held-out part shows it again.
+#[test]
+fn a_load_that_swings_for_a_while_only_is_found() {
+    let spring =
+        "[effects.compliance]\nload_inertia = 0.006\nantiresonance = 30.0\ndamping_ratio = 0.05\n";
+    for seed in 4..7 {
+        let options = format!(
+            "--excite sequence --amplitude 0.6 --band 0.5:35 --duration 14 --rate 1000 --counts 1048576 --noise 0.005 --seed {seed}"
+        );
+        let json = diagnosed_of(&format!("{PLAIN}{spring}"), BASELINE, &options);
+        let finding = only_finding(&json, "compliance", 0.5);
+        let antiresonance = value(finding, "antiresonance");
+        assert!((antiresonance - 30.0).abs() < 0.5, "{finding}");
+    }
 }

@@ -64,6 +64,8 @@ const INERTIA: &str = "time, as inertia";
 
 /// Spans between the knots along a turn or a travel: ten degrees each of a turn.
 const PLACES: usize = 36;
+/// How many of them an inertia changes over: a linkage or an unbalanced load does so a few times per turn at most.
+const COARSE: usize = 3;
 
 /// Half-widths of plays, as shares of an input's RMS.
 const PLAYS: [f64; 4] = [0.1, 0.2, 0.4, 0.8];
@@ -186,18 +188,24 @@ impl Dictionary {
     /// What an inertia over position would do, `J(q)·q̈ + J′(q)·q̇²/2`: `acceleration`, that of every row, times functions of
     /// position, which change little within a window, and the functions of position and squared velocity.
     pub fn inertia_over_position(&self, problem: &Problem, acceleration: &[f64]) -> Group {
-        let knots = &self.grids.position;
+        let Grids {
+            position, places, ..
+        } = &self.grids;
         let place = |row: &Row| problem.tracks[row.track].cells[row.centre].q;
         let rows = || problem.rows.iter().zip(acceleration);
-        let at = |j: usize| {
-            let column = rows().map(|(row, a)| a * hat(knots, j, place(row)));
-            Arc::new(column.collect())
+        let table = |knots: &[f64], place: &dyn Fn(&Row) -> f64| -> Vec<Arc<Vec<f64>>> {
+            let at = |j: usize| rows().map(move |(row, a)| a * hat(knots, j, place(row)));
+            (0..knots.len())
+                .map(|j| Arc::new(at(j).collect()))
+                .collect()
         };
+        let mut columns = table(position, &place);
+        columns.extend(table(&places.turning(), &|row| places.of(place(row))));
         let squares = self.of([SQUARES].into_iter(), problem);
-        let squares = squares.into_iter().flat_map(|group| group.columns);
+        columns.extend(squares.into_iter().flat_map(|group| group.columns));
         Group {
             coordinate: OVER_POSITION,
-            columns: (0..knots.len()).map(at).chain(squares).collect(),
+            columns,
         }
     }
 
@@ -253,6 +261,12 @@ impl Places {
     fn of(&self, q: f64) -> f64 {
         self.turn.map_or(q, |turn| q.rem_euclid(turn))
     }
+
+    /// Knots along a turn that an inertia may change over; none on a travel that is less.
+    fn turning(&self) -> Vec<f64> {
+        let knots = self.turn.map(|_| self.knots.iter().step_by(COARSE));
+        knots.into_iter().flatten().copied().collect()
+    }
 }
 
 /// The signals of one coordinate in every cell of a track, one for each function.
@@ -286,7 +300,12 @@ fn signals(coordinate: &str, track: &Track, grids: &Grids) -> Vec<Vec<f64>> {
         "position, as friction" => table(&grids.position, &position, &sign),
         "position and velocity" => table(&grids.position, &position, &|k| cells[k].v),
         "position and squared velocity" => {
-            table(&grids.position, &position, &|k| cells[k].v * cells[k].v)
+            let square = |k: usize| cells[k].v * cells[k].v;
+            let place = |k: usize| grids.places.of(cells[k].q);
+            both(
+                table(&grids.position, &position, &square),
+                table(&grids.places.turning(), &place, &square),
+            )
         }
         "position, in detail" => table(&grids.places.knots, &|k| grids.places.of(cells[k].q), &one),
         "time" => table(&times(track, grids.times), &time, &one),

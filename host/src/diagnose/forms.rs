@@ -50,17 +50,18 @@ fn in_better(bench: &Workbench, model: &Model, found: Selected) -> Result<(Selec
     };
     let parameters = other.parameters().len() - own.parameters().len();
     let price = parameters as f64 * bench.training_rows().ln();
-    let gained = chi2 - least - price;
-    let term = richer.terms.last().filter(|_| gained > 0.0);
+    let term = richer.terms.last().filter(|_| chi2 - least > price);
     let Some(term) = term else {
         return Ok((found, next));
     };
     let (inner, _) = other.linear(&system::values(term), richer.scale());
+    let price = found.trial.price + price;
     let trial = Trial {
         effect: other,
         inner,
-        delta_bic: found.trial.delta_bic + gained,
-        price: found.trial.price + price,
+        // Of what was fitted: a trial may have promised more than its fit came to.
+        delta_bic: bench.chi2(model) - least - price,
+        price,
         ..found.trial
     };
     Ok((Selected { trial, ..found }, richer))

@@ -75,8 +75,8 @@ pub(super) struct Scope<'a> {
     pub refuted: &'a [&'a str],
     /// Whether the evidence suffices.
     pub passes: &'a (dyn Fn(&Trial) -> bool + Sync),
-    /// Whether it is for what only windows narrower than usual show. Otherwise an effect without sufficient evidence counts
-    /// if it predicts better: see [`rescued`].
+    /// Whether it is for what only windows narrower than usual show. There, of effects without sufficient evidence only a load
+    /// counts if it predicts better, elsewhere any: see [`rescued`].
     pub fast: bool,
 }
 
@@ -287,9 +287,11 @@ fn choose(
 ) -> Result<Option<Selected>> {
     let bench = scope.bench;
     let (mut passing, rest): (Vec<Trial>, Vec<Trial>) = tried.into_iter().partition(scope.passes);
-    let open = |trial: &Trial| worth_a_look(trial) && may_be_rescued(trial.effect);
+    // Of what is fast, a load swings only while the drive passes its resonance; the others are there at all times.
+    let rare = |effect: &dyn Effect| !scope.fast || effect.divides();
+    let open = |t: &Trial| worth_a_look(t) && rare(t.effect) && may_be_rescued(t.effect);
     let rest: Vec<Trial> = rest.into_iter().filter(open).collect();
-    if passing.is_empty() && !scope.fast && !rest.is_empty() {
+    if passing.is_empty() && !rest.is_empty() {
         let before = fit::parts(model, recordings, &bench.problem.tracks)?;
         let counts: Result<Vec<bool>> = rest
             .par_iter()
