@@ -54,7 +54,13 @@ fn main() -> ExitCode {
 
 fn run(skip: usize, first: usize, dump: Option<&Path>) -> Result<(), String> {
     let labels = labels::open()?;
+    let sealed = labels.len();
     let cases: Vec<_> = labels.into_iter().skip(skip).take(first).collect();
+    if cases.is_empty() {
+        return Err(format!(
+            "nothing to diagnose: --skip {skip} of {sealed} sealed cases. Skip fewer, or draw more with --seal N."
+        ));
+    }
     if let Some(folder) = dump {
         std::fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     }
