@@ -489,16 +489,20 @@ fn what_depends_on_position_and_squared_velocity_is_noticed() {
     assert_eq!(unknown(&json), "position and squared velocity");
 }
 
+/// What drives the plain axis as it moves with an inertia `J(q) = J·(1 + depth·cos(waves·q + 0.6))`.
+fn linkage(waves: f64, depth: f64) -> impl Fn(f64, State, f64) -> f64 {
+    move |_, State { q, v, .. }, u| {
+        let (sin, cos) = (waves * q + 0.6).sin_cos();
+        let swing = 0.012 * depth * 0.5 * waves * sin * v * v;
+        let friction = 0.12 * v.signum() + 0.02 * v;
+        (u + swing + friction * depth * cos) / (1.0 + depth * cos)
+    }
+}
+
 /// A sensor eccentricity feigns the first part of `J(q)·q̈ + ½·J'(q)·v²`, of a load that swings along as of a sensor.
 #[test]
 fn an_inertia_that_changes_over_the_turn_is_no_eccentricity() {
-    let torque = |_, state: State, u: f64| {
-        let (sin, cos) = (state.q + 0.6).sin_cos();
-        let swing = 0.012 * 0.2 * 0.5 * sin * state.v * state.v;
-        let friction = 0.12 * state.v.signum() + 0.02 * state.v;
-        (u + swing + friction * 0.2 * cos) / (1.0 + 0.2 * cos)
-    };
-    let json = diagnosed_under_control(|_| PLAIN, torque);
+    let json = diagnosed_under_control(|_| PLAIN, linkage(1.0, 0.2));
     assert_eq!(unknown(&json), "position and squared velocity");
     assert_eq!(json["findings"], serde_json::json!([]));
     let gain = json["unexplained"]["gain"].as_f64().unwrap_or(0.0);
@@ -509,13 +513,7 @@ fn an_inertia_that_changes_over_the_turn_is_no_eccentricity() {
 #[test]
 fn an_inertia_that_changes_over_every_turn_is_noticed() {
     let rounds = |t: f64| 15.0 * (TAU * 0.11 * t).sin() + 3.0 * (TAU * 0.43 * t).sin();
-    let torque = |_, state: State, u: f64| {
-        let (sin, cos) = (2.0 * state.q + 0.6).sin_cos();
-        let swing = 0.012 * 0.3 * sin * state.v * state.v;
-        let friction = 0.12 * state.v.signum() + 0.02 * state.v;
-        (u + swing + friction * 0.3 * cos) / (1.0 + 0.3 * cos)
-    };
-    let json = diagnosed_following(rounds, |_| PLAIN, torque);
+    let json = diagnosed_following(rounds, |_| PLAIN, linkage(2.0, 0.3));
     assert_eq!(unknown(&json), "position and squared velocity");
 }
 

@@ -64,7 +64,7 @@ const INERTIA: &str = "time, as inertia";
 
 /// Spans between the knots along a turn or a travel: ten degrees each of a turn.
 const PLACES: usize = 36;
-/// How many of them an inertia changes over: a linkage or an unbalanced load does so a few times per turn at most.
+/// So many of them lie between the knots of an inertia, which a linkage changes a few times per turn.
 const COARSE: usize = 3;
 
 /// Half-widths of plays, as shares of an input's RMS.
@@ -264,8 +264,8 @@ impl Places {
 
     /// Knots along a turn that an inertia may change over; none on a travel that is less.
     fn turning(&self) -> Vec<f64> {
-        let knots = self.turn.map(|_| self.knots.iter().step_by(COARSE));
-        knots.into_iter().flatten().copied().collect()
+        let knots = self.knots.iter().step_by(COARSE);
+        knots.filter(|_| self.turn.is_some()).copied().collect()
     }
 }
 

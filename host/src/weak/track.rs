@@ -968,9 +968,11 @@ mod tests {
         for seed in 0..20 {
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
             let mut seen = |t: f64| {
-                let flickers = rng.random_bool(0.1);
-                let up = flickers && rng.random_bool(0.5);
-                let counts = f64::from(i8::from(up)) - f64::from(i8::from(flickers && !up));
+                let counts = match rng.random_bool(0.1) {
+                    true if rng.random_bool(0.5) => 1.0,
+                    true => -1.0,
+                    false => 0.0,
+                };
                 ((place(t) / COUNT).round() + counts) * COUNT
             };
             let recording = Recording {
