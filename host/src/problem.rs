@@ -82,6 +82,26 @@ fn hold<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
+/// What was asked for lately, the last first.
+struct Recent<const MOST: usize, K, V>(Mutex<Vec<(K, V)>>);
+
+impl<const MOST: usize, K: PartialEq, V: Clone> Recent<MOST, K, V> {
+    /// What was asked for under a key, or what it is computed to be now.
+    fn recall(&self, key: K, compute: impl FnOnce() -> V) -> V {
+        let mut kept = hold(&self.0);
+        if let Some(at) = kept.iter().position(|(k, _)| *k == key) {
+            kept[..=at].rotate_right(1);
+            return kept[0].1.clone();
+        }
+        drop(kept);
+        let value = compute();
+        let mut kept = hold(&self.0);
+        kept.truncate(MOST - 1);
+        kept.insert(0, (key, value.clone()));
+        value
+    }
+}
+
 /// Tracks, windows and rows, with the columns computed so far.
 pub struct Problem {
     /// One track for each recording.
@@ -98,9 +118,10 @@ pub struct Problem {
     pub acceleration: Column,
     cache: Mutex<Cache>,
     /// What columns under one input, or behind many springs, are made of, the last asked for first.
-    recent: Mutex<Vec<(Key, Signals)>>,
-    /// The last direction asked for: that of one set of bristles serves all columns of a model.
-    direction: Mutex<Direction>,
+    recent: Recent<MOST_SIGNALS, Key, Signals>,
+    /// How bristles bend, the last asked for first: those of one model serve all its columns, and while it is moved in what does
+    /// not bend them, all those.
+    bent: Recent<MOST_BENT, Bristled, Arc<Vec<Vec<Bent>>>>,
     survey: OnceLock<Survey>,
     training: OnceLock<Box<Problem>>,
 }
@@ -136,8 +157,8 @@ impl Problem {
             response,
             acceleration: Arc::default(),
             cache: Mutex::default(),
-            recent: Mutex::default(),
-            direction: Mutex::default(),
+            recent: Recent(Mutex::default()),
+            bent: Recent(Mutex::default()),
             survey: OnceLock::new(),
             training: OnceLock::new(),
         };
@@ -218,19 +239,15 @@ impl Problem {
             return Direction::default();
         };
         let bristled = model.bristle_key();
-        let last = hold(&self.direction).clone();
-        if last.bristled == bristled {
-            return last;
-        }
-        let tracks = self.tracks.iter().zip(&self.windows);
-        let bent = tracks.map(|(t, w)| t.bend_of(w.cells(t), law.as_ref()));
-        let bent = bent.collect();
-        let direction = Direction {
-            bristled,
-            bent: Some(Arc::new(bent)),
+        let bend = || {
+            let tracks = self.tracks.iter().zip(&self.windows);
+            let bent = tracks.map(|(t, w)| t.bend_of(w.cells(t), law.as_ref()));
+            Arc::new(bent.collect())
         };
-        *hold(&self.direction) = direction.clone();
-        direction
+        Direction {
+            bristled,
+            bent: Some(self.bent.recall(bristled, bend)),
+        }
     }
 
     /// `∫s φ`, `s` being the direction in which friction acts: `sgn v` without bristles. As all torques, it passes the
@@ -395,7 +412,7 @@ impl Problem {
         };
         let all = || (0..self.tracks.len()).map(of_track).collect();
         if path.swings() {
-            self.functionals(&self.recent(before, all), path)
+            self.functionals(&self.recent.recall(before, || Arc::new(all())), path)
         } else {
             self.functionals(&all(), path)
         }
@@ -416,7 +433,8 @@ impl Problem {
     /// at the end of a gap may be shared with.
     fn inputs(&self, path: &Path) -> Signals {
         let path = path.of_input();
-        self.recent(("input", path.bits().to_vec()), || self.inputs_of(&path))
+        let key = ("input", path.bits().to_vec());
+        self.recent.recall(key, || Arc::new(self.inputs_of(&path)))
     }
 
     fn inputs_of(&self, path: &Path) -> Vec<Vec<Vec<f64>>> {
@@ -425,21 +443,6 @@ impl Problem {
             vec![track.input_of(count, path)]
         };
         self.tracks.iter().zip(&self.windows).map(input).collect()
-    }
-
-    /// Signals that have been asked for lately, or what they are computed to be now.
-    fn recent(&self, key: Key, compute: impl FnOnce() -> Vec<Vec<Vec<f64>>>) -> Signals {
-        let mut recent = hold(&self.recent);
-        if let Some(at) = recent.iter().position(|(k, _)| *k == key) {
-            recent[..=at].rotate_right(1);
-            return recent[0].1.clone();
-        }
-        drop(recent);
-        let signals = Arc::new(compute());
-        let mut recent = hold(&self.recent);
-        recent.truncate(MOST_RECENT - 1);
-        recent.insert(0, (key, signals.clone()));
-        signals
     }
 
     /// Mean acceleration, relative to the measured position, of the load that an effect hangs on the axis, with what its own
@@ -610,7 +613,9 @@ fn of_error(effect: &dyn Effect, whole: Whole, coefficients: &[f64]) -> Key {
 }
 
 /// Signals that are kept: those of the input and of all terms of a model, and as many again.
-const MOST_RECENT: usize = 16;
+const MOST_SIGNALS: usize = 16;
+/// Bends that are kept: those of a model, and of what a few threads move it to.
+const MOST_BENT: usize = 4;
 /// Values that a generation of the cache holds of each column, …
 const MOST_VALUES: usize = 4_000_000;
 /// … but at least so many columns: those that the widest grids make and a search asks for again in each round.

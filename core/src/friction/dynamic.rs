@@ -82,8 +82,12 @@ pub trait Dynamic<S: Scalar> {
 
     /// [`Dynamic::advance`] and [`Dynamic::mean_force`] at the cost of one evaluation.
     fn step(&self, deflection: S, velocity: S, dt: S) -> Step<S> {
+        self.step_at(self.level(velocity), deflection, velocity, dt)
+    }
+
+    /// [`Dynamic::step`] for a caller who has asked for the level `g(v)` at this velocity already, in N·m or N.
+    fn step_at(&self, level: S, deflection: S, velocity: S, dt: S) -> Step<S> {
         let (speed, sign) = (velocity.abs(), velocity.sign());
-        let level = self.level(velocity);
         let (saturation, inverse) = (level / self.stiffness(), self.stiffness() / level);
         let (relaxed, mean) = (speed * dt * inverse).relax();
         // Deflection and rate approach their steady values alike, so the mean force is as far from the steady

@@ -85,9 +85,11 @@ impl<P> Contact<'_, P> {
         P: Mechanism<N>,
     {
         let &Self { plant, law, h, .. } = self;
-        let at = plant.sliding(middle);
-        let bent = law.stiffness() * law.advance(z, at.v, 0.5 * h) / law.level(at.v);
-        law.mean_force(z, at.v, h) + plant.resistance(self.drive, middle, bent)
+        let v = plant.sliding(middle).v;
+        let level = law.level(v);
+        let halfway = law.step_at(level, z, v, 0.5 * h).deflection;
+        let beside = plant.resistance(self.drive, middle, law.stiffness() * halfway / level);
+        law.step_at(level, z, v, h).force + beside
     }
 
     /// The middle of the substep from `x`, where `friction` resists.

@@ -80,11 +80,12 @@ impl Track {
                 continue;
             }
             let v = self.cells[from].v;
-            let step = law.step(z, v, self.period);
+            let level = law.level(v);
+            let step = law.step_at(level, z, v, self.period);
             let rate = (step.deflection - z) / self.period;
             z = step.deflection;
             bent.push(Bent {
-                direction: step.force / law.level(v),
+                direction: step.force / level,
                 rate,
             });
         }
