@@ -539,6 +539,17 @@ impl Problem {
         }
     }
 
+    /// A model whose Coulomb level, if a fit is to find it, is the RMS of what drives the axis: what the motion does to bristles
+    /// depends on the ratio of their stiffness to it alone, and a level found without them can be anything, none among it, where
+    /// most of the motion is bending.
+    pub fn levelled(&self, mut model: Model) -> Model {
+        if !model.coulomb.known {
+            let (input, _) = self.survey.get_or_init(|| self.all_tracks()).input;
+            model.coulomb.value = Some(model.gain.value.unwrap_or(1.0).abs() * input);
+        }
+        model
+    }
+
     fn all_tracks(&self) -> Survey {
         let widths = self.half_widths();
         let surveys = self.tracks.iter().zip(widths);

@@ -129,9 +129,6 @@ fn outpredicted(
     recordings: &[Recording],
 ) -> Result<Vec<&'static str>> {
     let run = |model: &Model| fit::parts(model, recordings, &bench.problem.tracks);
-    if !moves(&with_it.train(), &with_it.held_out()) {
-        return Ok(Vec::new());
-    }
     let better = |a: &Parts, b: &Parts| a.held_out().halves(&b.held_out()) && a.halves(b);
     for (k, own) in selected.iter().enumerate() {
         let term = before.terms.len() + k;
@@ -161,9 +158,10 @@ fn outpredicted(
 }
 
 /// Drops effects that are too small to count, in what they do or in what they do beyond what the rest of the model makes up for
-/// without them, and those without which the held-out part is predicted as well: weak-form error and free run both count, as far
-/// as the axis moves enough there for them to tell. Of a load that came and went before, the weak form tells nothing there.
-/// One at a time, that first without which free runs err least: beside one that spoils them others may seem to.
+/// without them, unless free runs of either part then err by more than twice the squared error, and those without which the
+/// held-out part is predicted as well: weak-form error and free run both count, as far as the axis moves enough there for them to
+/// tell. Of a load that came and went before, the weak form tells nothing there. One at a time, that first without which free runs
+/// err least: beside one that spoils them others may seem to.
 fn confirm(
     bench: &Workbench,
     before: &Model,
@@ -206,10 +204,15 @@ fn refuted(
     let acts = HeldOut::between(bench, z, &whitened(bench, &lacking)).tells();
     let few = bench.problem.count(Part::HeldOut) < FEWEST_HELD_OUT;
     let held_out = HeldOut::between(bench, z, &whitened(bench, &without));
-    let shows = || leftover::differs(bench, after, &without) && (few || held_out.fall > 0.0);
+    let without_it = fit::parts(&without, recordings, &bench.problem.tracks)?;
+    let predicts = with_it.train().halves(&without_it.train())
+        && with_it.held_out().halves(&without_it.held_out());
+    let shows = || {
+        let differs = predicts || leftover::differs(bench, after, &without);
+        differs && (few || held_out.fall > 0.0)
+    };
     let holds = counts && (dominates && !acts || shows());
     let shows_again = !few && held_out.shows_again();
-    let without_it = fit::parts(&without, recordings, &bench.problem.tracks)?;
     let worse = worsens(with_it, &without_it, after.causality, shows_again)
         && !(dominates && outweighs(with_it, &without_it));
     let stays = holds && !worse;

@@ -149,8 +149,10 @@ pub(super) fn select(
         };
         if selected.is_empty() && !scope.fast {
             // A law that has bent to what was left out may not find the way back by itself.
-            let found = (next.clone(), bench.chi2(&next));
-            (next, _) = bench.or_anew(&next, found);
+            for opened in [identify::reopened, identify::reopened_throughout] {
+                let chi2 = bench.chi2(&next);
+                (next, _) = bench.or_anew(opened(&next), (next, chi2));
+            }
         }
         selected.push(found);
         // What narrow windows show says nothing of the others.
@@ -194,7 +196,9 @@ fn beside_a_bent_law(scope: &Scope, model: &Model) -> Result<Option<Selected>> {
 pub(super) fn with_trial(model: &Model, trial: &Trial) -> Model {
     let reopened = trial.reopens.then(|| identify::reopened(model)).flatten();
     let mut next = reopened.as_ref().unwrap_or(model).with_effect(trial.effect);
-    if let Some(term) = next.terms.last_mut() {
+    let levelled = model.level_at_rest() > 0.0;
+    // Bristles that were tried under a stand-in for a level that is none are sought anew.
+    if let Some(term) = next.terms.last_mut().filter(|t| levelled || !t.bends()) {
         scan::set_inner(term, trial.inner);
         if let Some(k) = trial.effect.inner() {
             // A value with an error marks a start that the scan need not repeat.
@@ -445,9 +449,11 @@ fn again(
     lacking: &Model,
     recordings: &[Recording],
 ) -> Result<Option<Selected>> {
-    let stood = selected.others.iter().chain([&selected.trial]);
-    let forms: Vec<&dyn Effect> = stood.map(|trial| trial.effect).collect();
-    let sought = |effect: &dyn Effect| forms.iter().any(|form| effects::same_form(*form, effect));
+    let trials = selected.others.iter().chain([&selected.trial]);
+    let forms: Vec<&dyn Effect> = trials.map(|trial| trial.effect).collect();
+    let stood = |effect: &dyn Effect| forms.iter().any(|form| effects::same_form(*form, effect));
+    // What is linear costs nothing to try, and a richer effect may have stood in for it while much was left out.
+    let sought = |effect: &dyn Effect| stood(effect) || !selected.fast && effect.inner().is_none();
     let scope = if selected.fast {
         Scope {
             sought: &sought,

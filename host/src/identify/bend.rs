@@ -1,7 +1,7 @@
 //! The hierarchy's last step: bristles.
 
 use super::{BEYOND, Workbench};
-use crate::effects::Survey;
+use crate::effects::{Search, Survey};
 use crate::error::Result;
 use crate::model::{Model, Parameter, Status, Term};
 use crate::system;
@@ -34,18 +34,29 @@ pub(super) fn yields(model: &Model) -> bool {
 /// A model with bristles and the fall of friction sought anew, if its law has any. `None` if it has none, or they would be, or are
 /// known.
 pub(crate) fn reopened(model: &Model) -> Option<Model> {
+    opened(model, Term::is_of_contact)
+}
+
+/// The same with whatever else is sought on a grid: what was found beside a law that had bent to it has bent as well.
+pub(crate) fn reopened_throughout(model: &Model) -> Option<Model> {
+    let on_grid = |term: &Term| term.effect.search() == Search::Grid;
+    opened(model, |term| term.is_of_contact() || on_grid(term))
+}
+
+/// A model with a curved law, the inner parameters of some terms sought anew.
+fn opened(model: &Model, sought_anew: impl Fn(&Term) -> bool) -> Option<Model> {
     if !model.has_curved_law() {
         return None;
     }
-    let mut reopened = model.clone();
+    let mut opened = model.clone();
     let mut any = false;
-    for term in reopened.terms.iter_mut().filter(|t| t.is_of_contact()) {
+    for term in opened.terms.iter_mut().filter(|term| sought_anew(term)) {
         let inner = term.effect.inner().map(|k| &mut term.parameters[k]);
         if let Some(inner) = inner.filter(|p| !p.known && !sought(p)) {
             (inner.value, inner.se, any) = (None, None, true);
         }
     }
-    any.then_some(reopened)
+    any.then_some(opened)
 }
 
 impl Workbench {
@@ -102,12 +113,8 @@ impl Workbench {
         let stiffness = free(bristles)?;
         let fall = model.terms.iter().position(Term::falls);
         let velocity = fall.and_then(|k| free(k).map(|inner| (k, inner)));
-        // What the motion does to bristles depends on the ratios of stiffness and levels alone. Sliding levels found
-        // without bristles can be anything where most of the motion is bending, so ratios come first.
-        let mut scaled = model.clone();
-        if !model.coulomb.known {
-            scaled.coulomb.value = Some(1.0);
-        }
+        // Ratios come first.
+        let mut scaled = self.problem.levelled(model.clone());
         if let Some(level) = fall.map(|k| &mut scaled.terms[k].parameters[0])
             && !level.known
         {

@@ -28,7 +28,7 @@ use crate::scan::{self, Found, Ground, Inertias, Memo, Setting};
 use crate::system::{self, System};
 use crate::weak::{Balance, Part, Track};
 
-pub(crate) use bend::reopened;
+pub(crate) use bend::{reopened, reopened_throughout};
 use side::choose_response;
 pub use steady::steadied;
 use width::choose_width;
@@ -325,16 +325,15 @@ impl Workbench {
         let found = self.estimated(model)?;
         // Bristles that were found beside less than the model has now may have no way from there to where they fit.
         Ok(if self.ran_away(&found.0) {
-            self.or_anew(model, found)
+            self.or_anew(reopened(model), found)
         } else {
             found
         })
     }
 
-    /// What was found, or what is with the bristles and the fall of friction of a model sought anew, if that fits better.
-    pub fn or_anew(&self, model: &Model, found: (Model, f64)) -> (Model, f64) {
-        let anew = reopened(model).map(|open| self.estimated(&open));
-        match anew {
+    /// What was found, or what is with some of the model sought anew, if anything is to be and that fits better.
+    pub fn or_anew(&self, opened: Option<Model>, found: (Model, f64)) -> (Model, f64) {
+        match opened.map(|open| self.estimated(&open)) {
             Some(Ok(anew)) if anew.1 < found.1 => anew,
             _ => found,
         }

@@ -98,6 +98,14 @@ const ROUNDING: f64 = 1.01;
 /// An inertia beyond what a recording leaves room for by more than this factor is a sign that a term took its place.
 const IMPLAUSIBLE: f64 = 3.0;
 
+/// A model with a level that bristles can yield at: see [`Problem::levelled`].
+fn with_level<'m>(problem: &Problem, model: &'m Model) -> Cow<'m, Model> {
+    if model.level_at_rest() > 0.0 {
+        return Cow::Borrowed(model);
+    }
+    Cow::Owned(problem.levelled(model.clone()))
+}
+
 impl<'a> Ground<'a> {
     /// Sets up the ground; `None` if the recording does not determine the model.
     pub fn new(setting: Setting<'a>, model: Cow<'a, Model>) -> Result<Option<Self>> {
@@ -111,7 +119,7 @@ impl<'a> Ground<'a> {
             system,
             products,
             score,
-            survey: setting.problem.survey(&model),
+            survey: setting.problem.survey(&with_level(setting.problem, &model)),
             model,
             level: OnceLock::new(),
             lenient: false,
@@ -316,7 +324,11 @@ impl<'a> Ground<'a> {
     /// The model with a term; inner parameters that the term leaves open get the given values, within its bounds. Bristles bend
     /// as they do under the level that they have: a static level that is open is that one.
     fn model_with(&self, term: &Term, inner: Inner) -> Model {
-        let mut model = Model::clone(&self.model);
+        let mut model = if term.bends() {
+            with_level(self.setting.problem, &self.model).into_owned()
+        } else {
+            Model::clone(&self.model)
+        };
         let mut term = term.clone();
         set_inner(&mut term, inner);
         model.begin_fall(&mut term);
