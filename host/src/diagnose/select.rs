@@ -449,11 +449,9 @@ fn again(
     lacking: &Model,
     recordings: &[Recording],
 ) -> Result<Option<Selected>> {
-    let trials = selected.others.iter().chain([&selected.trial]);
-    let forms: Vec<&dyn Effect> = trials.map(|trial| trial.effect).collect();
-    let stood = |effect: &dyn Effect| forms.iter().any(|form| effects::same_form(*form, effect));
-    // What is linear costs nothing to try, and a richer effect may have stood in for it while much was left out.
-    let sought = |effect: &dyn Effect| stood(effect) || !selected.fast && effect.inner().is_none();
+    let stood = selected.others.iter().chain([&selected.trial]);
+    let forms: Vec<&dyn Effect> = stood.map(|trial| trial.effect).collect();
+    let sought = |effect: &dyn Effect| forms.iter().any(|form| effects::same_form(*form, effect));
     let scope = if selected.fast {
         Scope {
             sought: &sought,
