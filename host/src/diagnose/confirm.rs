@@ -158,7 +158,7 @@ fn outpredicted(
 }
 
 /// Drops effects that are too small to count, in what they do or in what they do beyond what the rest of the model makes up for
-/// without them, unless that is a curved friction law and free runs of either part err by more than twice the squared error without,
+/// without them, unless that is a curved friction law and free runs of both parts err by more than twice the squared error without,
 /// and those without which the held-out part is predicted as well: weak-form error and free run both count, as far as the axis moves
 /// enough there for them to tell. Of a load that came and went before, the weak form tells nothing there. One at a time, that first
 /// without which free runs err least: beside one that spoils them others may seem to.

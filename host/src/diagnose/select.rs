@@ -149,10 +149,9 @@ pub(super) fn select(
         };
         if selected.is_empty() && !scope.fast {
             // A law that has bent to what was left out may not find the way back by itself.
-            for opened in [identify::reopened, identify::reopened_throughout] {
-                let chi2 = bench.chi2(&next);
-                (next, _) = bench.or_anew(opened(&next), (next, chi2));
-            }
+            let chi2 = bench.chi2(&next);
+            let found = bench.or_anew(identify::reopened(&next), (next, chi2));
+            (next, _) = bench.or_anew(identify::reopened_throughout(&found.0), found);
         }
         selected.push(found);
         // What narrow windows show says nothing of the others.
