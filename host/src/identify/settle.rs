@@ -43,6 +43,9 @@ const ENOUGH: f64 = 0.4;
 /// Twins of each recording: the steps of their encoders lie evenly within one another, and their loads come in pairs of
 /// opposite sign, so that what is linear in noise cancels.
 const DRAWS: usize = 6;
+/// Variance, in squared standard errors, by which what estimates are off by differs between two repetitions by chance, at most: that
+/// of two means over twins that have nothing in common.
+const CHANCE: f64 = 2.0 / DRAWS as f64;
 /// Noise variance, as a multiple of what it is known to be at most, from which on twins tell nothing. They take for noise all
 /// that they do not have, so the bias that they show is too large in this proportion, and from twice on taking it off
 /// does as much harm as good. Variances of estimates that differ by so much are not two figures for one thing either.
@@ -152,7 +155,7 @@ impl Workbench {
             sandwich[(i, j)] / (scale[i] * scale[j])
         });
         let unit = answers.covariance.diagonal().map(f64::sqrt);
-        let back = way.back(off.clone(), answers.follows, &unit)?;
+        let back = way.back(off.clone(), answers.follows, &unit, CHANCE)?;
         let (step, stepped) = [&back * &off, off].into_iter().find_map(|step| {
             let moves: Vec<_> = free.iter().copied().zip(step.iter().copied()).collect();
             Some((step, refine::moved(model, &moves, 1.0)?))
