@@ -325,6 +325,35 @@ fn a_large_eccentricity_is_one() {
     }
 }
 
+/// Under loud noise a step of a quarter of a standard error told how far estimates follow the truth: taking off a bias that was next to
+/// none spoilt all of them.
+#[test]
+fn a_bias_of_next_to_nothing_spoils_no_estimate() {
+    let recipe = Recipe::random(4_113_422_775_213_015_314, None, 0.0, Noise::High);
+    let (_, outcome, truth) = examine(&recipe);
+    let found = &outcome.diagnosis;
+    assert_eq!(found.verdict, Verdict::Adequate, "{}", found.text);
+    let inertia = &outcome.before.inertia;
+    assert!(error(inertia, truth.inertia) < 3.0, "{inertia:?}");
+    assert!(inertia.se.unwrap() < 0.01 * truth.inertia, "{inertia:?}");
+}
+
+/// Friction that falls with speed lets an axis flee from wherever it is. Its own model predicts no better than one without that, or than
+/// one of other names, so the rows tell.
+#[test]
+fn an_axis_that_flees_by_itself_is_told_by_its_rows() {
+    for (seed, size) in [
+        (3_052_471_415_787_805_293, 0.1),
+        (6_560_608_938_307_499_692, 0.3),
+    ] {
+        let recipe = Recipe::random(seed, Some("stribeck"), size, Noise::Medium);
+        let (_, outcome, _) = examine(&recipe);
+        let found = &outcome.diagnosis;
+        assert_eq!(found.verdict, Verdict::Explained, "{seed}: {}", found.text);
+        assert_eq!(found.findings[0].id, "stribeck", "{seed}: {}", found.text);
+    }
+}
+
 #[test]
 fn what_the_catalogue_does_not_know_is_called_unknown() {
     let mut wrong = Vec::new();

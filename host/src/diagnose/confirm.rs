@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::leftover;
 use super::select::{self, Scope, Selected, Selection};
 use super::trial::{Trial, students_t};
-use super::{DEPARTS, whitened};
+use super::{DEPARTS, HOPELESS, error, whitened};
 use crate::error::Result;
 use crate::fit::{self, Fit, Parts};
 use crate::identify::Workbench;
@@ -121,7 +121,8 @@ pub(super) fn confirmed(
 
 /// The effects that keep a rival which predicts better from being selected: free runs with the rival in the place of an effect err
 /// by less than half of the squared error of its own in the held-out part, and over the whole as well. Where travel, speed or
-/// drive differ from those of the training part, names part that explain much the same there. None if no rival is better.
+/// drive differ from those of the training part, names part that explain much the same there. Free runs that are [`HOPELESS`] predict
+/// nothing. None if no rival is better.
 fn outpredicted(
     bench: &Workbench,
     before: &Model,
@@ -130,6 +131,7 @@ fn outpredicted(
 ) -> Result<Vec<&'static str>> {
     let run = |model: &Model| fit::parts(model, recordings, &bench.problem.tracks);
     let better = |a: &Parts, b: &Parts| a.held_out().halves(&b.held_out()) && a.halves(b);
+    let predicts = |run: &Parts| run.train().nrmse.min(run.held_out().nrmse) <= HOPELESS;
     for (k, own) in selected.iter().enumerate() {
         let term = before.terms.len() + k;
         let lacking = select::without(after, term);
@@ -145,7 +147,7 @@ fn outpredicted(
         let rivals: Vec<(&str, Parts)> = rivals?.into_iter().flatten().collect();
         let squares = |(_, run): &(&str, Parts)| run.squares();
         let best = (rivals.iter()).min_by(|a, b| squares(a).total_cmp(&squares(b)));
-        if let Some((id, best)) = best.filter(|(_, best)| better(best, with_it)) {
+        if let Some((id, best)) = best.filter(|(_, best)| predicts(best) && better(best, with_it)) {
             // Those with more evidence than the best would be next.
             let before = rivals.iter().take_while(|(other, _)| other != id);
             let worse = before
@@ -254,6 +256,26 @@ pub(super) fn departs(
     let own = fit::parts(model, recordings, &bench.problem.tracks)?;
     let excess = bench.excess(model, recordings, (&own, &[Part::HeldOut]), DEPARTS)?;
     Ok(excess.is_none_or(|times| times[0] > DEPARTS))
+}
+
+/// Whether free runs tell nothing of what was found, as those of an axis that flees from where it was by itself, which friction that
+/// falls with speed makes it do: they go no further wrong than noise explains, in either part. Then it is for the weak form to tell:
+/// what was found must be most of what there was, and show again in the rows of the held-out part.
+pub(super) fn scatters(
+    bench: &Workbench,
+    (before, fitted, told): (&Model, &Model, &Model),
+    recordings: &[Recording],
+) -> Result<bool> {
+    let most = || -> Result<bool> {
+        Ok(error(bench, fitted)? <= (1.0 - DOMINANT) * error(bench, before)?)
+    };
+    if !HeldOut::of(bench, fitted, before).shows_again() || !most()? {
+        return Ok(false);
+    }
+    let own = fit::parts(told, recordings, &bench.problem.tracks)?;
+    let both = [Part::Train, Part::HeldOut];
+    let excess = bench.excess(told, recordings, (&own, &both), DEPARTS)?;
+    Ok(excess.is_some_and(|times| times.iter().all(|times| *times <= DEPARTS)))
 }
 
 /// Whether free runs of a model err by less than half of the squared error of others on both parts.

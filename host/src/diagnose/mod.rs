@@ -245,7 +245,8 @@ fn concluded(
     let from = (before, baseline.fit);
     let (mut findings, after_fit) = findings(bench, from, &selected, (&after, &told), recordings)?;
     let departs = departs && confirm::departs(usual, &told, &after_fit, recordings)?;
-    let astray = astray(&baseline.fit, &after_fit);
+    let astray = astray(&baseline.fit, &after_fit)
+        && !confirm::scatters(usual, (before, &fitted, &told), recordings)?;
     let doubtful = significant || nameless || departs || astray || given.is_some();
     let fit = BeforeAfter {
         before: baseline.fit,
@@ -368,7 +369,7 @@ fn judged(
 
 /// Whether a model predicts next to nothing, or worse than the baseline that it is to explain: see [`HOPELESS`]. In the held-out
 /// part, as far as the axis moves enough there, that is an error of more than the motion itself and than in the training part, or
-/// twice the squared error of the baseline.
+/// twice the squared error of the baseline. Of axes whose free runs scatter by themselves see [`confirm::scatters`].
 fn astray(before: &Fit, after: &Fit) -> bool {
     let (train, held_out) = (&after.train, &after.held_out);
     let hopeless = train.nrmse.min(held_out.nrmse) > HOPELESS;
