@@ -1152,6 +1152,65 @@ fn another_exponent_than_that_of_the_law_is_told_and_no_effect() {
     assert!((exponent.expect("one") - 2.0).abs() < 0.3, "{exponent:?}");
 }
 
+/// Whoever calls a law Stribeck's may mean either curve: the one that recordings show is told, by all commands alike, and none where
+/// the file decides.
+#[test]
+fn a_stribeck_law_has_the_curve_that_recordings_show() {
+    let axis = |law: &str| {
+        format!(
+            "[plant]\nmotion = \"rotary\"\ninertia = \"?\"\n[friction]\nmodel = \"stribeck\"\n{law}"
+        )
+    };
+    let law = "coulomb = 0.1\nviscous = 0.02\nstatic = 0.16\nstribeck_velocity = 0.6\n";
+    let folder = Folder::new();
+    folder.write("open.toml", axis(""));
+    folder.write("gaussian.toml", axis("curve = \"gaussian\"\n"));
+    let told = |json: &Value| {
+        let warnings = json["warnings"].as_array().expect("a list");
+        warnings.iter().any(|w| w["id"] == "law-curve")
+    };
+    let off = |json: &Value| {
+        let truth = [
+            ("coulomb", 0.1),
+            ("viscous", 0.02),
+            ("static", 0.16),
+            ("stribeck_velocity", 0.6),
+        ];
+        let off = truth.map(|(name, truth)| (value(json, name) / truth - 1.0).abs());
+        off.into_iter().fold(0.0, f64::max)
+    };
+    for curve in ["gaussian", "rational"] {
+        let truth = axis(&format!("curve = \"{curve}\"\n{law}")).replace("\"?\"", "0.01");
+        folder.write("truth.toml", truth);
+        folder.done("simulate --model truth.toml --excite multisine --amplitude 1 --band 0.1:1 --control pd --rate 1000 --counts 65536 --noise 0.001 --duration 30 --seed 7 --out run.csv");
+        let rational = curve == "rational";
+        for how in ["", "--method pem", "--stream-above 1000"] {
+            folder.done(&format!(
+                "identify run.csv --model open.toml {how} --json out.json --model-out found.toml"
+            ));
+            let json = folder.json("out.json");
+            assert_eq!(told(&json), rational, "{curve} {how}: {json}");
+            assert!(off(&json) < 0.1, "{curve} {how}: {json}");
+            let written = folder.read("found.toml").contains("curve = \"rational\"");
+            assert_eq!(written, rational, "{curve} {how}");
+        }
+        folder.done("diagnose run.csv --model open.toml --json out.json");
+        let json = folder.json("out.json");
+        assert_eq!(json["verdict"], "adequate", "{curve}: {json}");
+        assert!(
+            told(&json) == rational && off(&json) < 0.1,
+            "{curve}: {json}"
+        );
+        folder.done("identify run.csv --model gaussian.toml --json out.json");
+        let json = folder.json("out.json");
+        assert!(
+            !told(&json) && (off(&json) < 0.1) != rational,
+            "{curve}: {json}"
+        );
+    }
+    folder.done("simulate --model found.toml --input run.csv --out again.csv");
+}
+
 /// 24 s of a motor, 6 of 10 parts of the inertia, that drives a measured load by what joins them: a torque that follows from how far
 /// the motor is ahead, and how fast it moves ahead. Of the set-valued friction a share is the motor's, the rest the load's; the drive
 /// has noise of a standard deviation.

@@ -124,6 +124,16 @@ pub fn bends_otherwise(exponent: &Parameter) -> Warning {
     )
 }
 
+/// What there is to know of a law whose Stribeck curve is the rational one, with which χ² is less by so much.
+pub fn falls_otherwise(less: f64) -> Warning {
+    Warning::weak(
+        "law-curve",
+        format!(
+            "The friction law falls as 1/(1 + (v/vs)²), which fits better than e^(−(v/vs)²): χ² is {less:.0} less. To decide it yourself, write curve = \"rational\" or \"gaussian\" into [friction]."
+        ),
+    )
+}
+
 /// What there is to know of an axis that nothing was found on but at reversals that the encoder does not resolve.
 pub fn unresolved() -> Warning {
     Warning::weak(

@@ -11,7 +11,7 @@ use super::terminal::Meter;
 use super::windows::Windows;
 use super::{DONE, Outcome, terminal};
 use crate::dbi::Study;
-use crate::identify::{identify, steadied};
+use crate::identify::{Workbench, steadied};
 use crate::model::Model;
 use crate::report;
 use crate::stream;
@@ -58,8 +58,16 @@ impl Command {
         progress.say("identifying");
         let recordings = steadied(recordings, &model, self.windows.options()?)
             .map_err(|e| named(e, &self.recordings, &self.model))?;
-        let (bench, identified) = identify(&recordings, &model, self.windows.options()?)
-            .map_err(|e| named(e, &self.recordings, &self.model))?;
+        let (bench, model, identified) =
+            Workbench::new(&recordings, &model, self.windows.options()?)
+                .and_then(|bench| {
+                    let model = bench
+                        .curved(&model)?
+                        .map_or(model, |(rational, _)| rational);
+                    let identified = bench.fit(&model, &recordings)?;
+                    Ok((bench, model, identified))
+                })
+                .map_err(|e| named(e, &self.recordings, &self.model))?;
         let study = Study::new(&bench, &identified, &model, &recordings, &|what| {
             progress.say(what);
         });

@@ -109,6 +109,8 @@ struct Found {
     rows: usize,
     passes: Option<usize>,
     minimisation: Option<Minimisation>,
+    /// What there is to know of the curve of its law.
+    curve: Option<Warning>,
 }
 
 impl Command {
@@ -138,12 +140,14 @@ impl Command {
         let found = self
             .found(input, &model, &progress)
             .map_err(|e| named(e, &self.recordings, &self.model))?;
+        let mut warnings = check::warnings(&found.bench, &found.identified.model, &found.shown);
+        warnings.extend(found.curve);
         let told = found.whole.as_ref().unwrap_or(&found.identified.model);
         let identification = Identification {
             schema: "bristle.identification/1",
             method: self.how.method,
             minimisation: found.minimisation,
-            warnings: check::warnings(&found.bench, &found.identified.model, &found.shown),
+            warnings,
             parameters: estimates(told, None),
             whole: self.whole,
             fit: found.identified.fit,
@@ -195,6 +199,8 @@ impl Command {
             Input::Memory(recordings) => {
                 let recordings = steadied(recordings, model, options)?;
                 let bench = Workbench::new(&recordings, model, options)?;
+                let (rational, less) = bench.curved(model)?.unzip();
+                let model = rational.as_ref().unwrap_or(model);
                 let (identified, minimisation) =
                     self.identified(&bench, model, &recordings, progress)?;
                 let whole = self.whole.then(|| {
@@ -210,6 +216,7 @@ impl Command {
                     shown: recordings,
                     passes: None,
                     minimisation,
+                    curve: less.map(check::falls_otherwise),
                 })
             }
             Input::Files(files) => {
@@ -224,6 +231,7 @@ impl Command {
                     shown: streamed.stretches,
                     passes: Some(streamed.passes),
                     minimisation: None,
+                    curve: streamed.less.map(check::falls_otherwise),
                 })
             }
         }

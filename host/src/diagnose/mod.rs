@@ -66,7 +66,8 @@ const BESIDE_UNKNOWN: f64 = 0.3;
 /// stand in for. So what is left out must show elsewhere as well, unless its strongest part is one that shows at reversals only;
 /// bristles that break away before the position tells that they bend do not show there either.
 ///
-/// Where only the exponent that a law has by itself speaks against it, it is estimated with the rest.
+/// Where only the exponent that a law has by itself speaks against it, the law has the rational curve, or the exponent is estimated with
+/// the rest. What is adequate is told with the curve that fits better.
 pub fn diagnose(
     bench: &Workbench,
     baseline: &Identified,
@@ -79,15 +80,9 @@ pub fn diagnose(
         told,
     };
     let outcome = diagnosed(bench, start, recordings, progress)?;
-    if let Some(exponent) = (baseline.model.exponent_of_law()).filter(|_| outcome.of_law) {
-        progress("the same with another exponent of the friction law");
-        let mut free = baseline.model.clone();
-        free.parameters_mut()[exponent].known = false;
-        let free = bench.fit(&free, recordings)?;
-        let mut outcome = diagnose(bench, &free, recordings, progress)?;
-        let exponent = check::bends_otherwise(outcome.after.parameters()[exponent]);
-        outcome.diagnosis.warnings.push(exponent);
-        return Ok(outcome);
+    let otherwise = under_another_curve(bench, baseline, &outcome, recordings, progress)?;
+    if let Some(otherwise) = otherwise {
+        return Ok(otherwise);
     }
     let found = &outcome.diagnosis;
     let bends = |breakaway| bench.problem.tracks.iter().any(|t| t.shows(breakaway));
@@ -106,6 +101,50 @@ pub fn diagnose(
     let warnings = &elsewhere.diagnosis.warnings;
     elsewhere.diagnosis.text = verdict_sentence(Verdict::Adequate, &[], None, warnings);
     Ok(elsewhere)
+}
+
+/// The diagnosis under another Stribeck curve than the one that the law has by itself, if that curve alone speaks against the law, or if
+/// the baseline is adequate and stays so.
+fn under_another_curve(
+    bench: &Workbench,
+    baseline: &Identified,
+    outcome: &Outcome,
+    recordings: &[Recording],
+    progress: &dyn Fn(&str),
+) -> Result<Option<Outcome>> {
+    let free = (baseline.model.exponent_of_law()).filter(|_| outcome.of_law);
+    let free = free.map(|exponent| {
+        let mut free = baseline.model.clone();
+        free.parameters_mut()[exponent].known = false;
+        bench.fit(&free, recordings).map(|free| (exponent, free))
+    });
+    let free = free.transpose()?;
+    let adequate = outcome.diagnosis.verdict == Verdict::Adequate;
+    if (free.is_some() || adequate)
+        && let Some((rational, less)) = bench.curved(&baseline.model)?
+    {
+        progress("the same with another curve of the friction law");
+        let rational = bench.fit(&rational, recordings)?;
+        // An exponent is one parameter more.
+        let price = bench.training_rows().ln();
+        let fits = |(_, free): &(usize, Identified)| rational.chi2 <= free.chi2 + price;
+        if free.as_ref().is_none_or(fits) {
+            let mut otherwise = diagnose(bench, &rational, recordings, progress)?;
+            if !adequate || otherwise.diagnosis.verdict == Verdict::Adequate {
+                let curve = check::falls_otherwise(less);
+                otherwise.diagnosis.warnings.push(curve);
+                return Ok(Some(otherwise));
+            }
+        }
+    }
+    let Some((exponent, free)) = free else {
+        return Ok(None);
+    };
+    progress("the same with another exponent of the friction law");
+    let mut otherwise = diagnose(bench, &free, recordings, progress)?;
+    let exponent = check::bends_otherwise(otherwise.after.parameters()[exponent]);
+    otherwise.diagnosis.warnings.push(exponent);
+    Ok(Some(otherwise))
 }
 
 /// A baseline as it was fitted to rows, from which a search starts, and as it is told.
@@ -240,24 +279,23 @@ fn concluded(
     };
     // What windows of the usual width do not show is told by those that do.
     let fine = fine.filter(|_| !selected.is_empty());
-    let usual = bench;
-    let bench = fine.as_ref().map_or(bench, |fast| &fast.bench);
+    let finer = fine.as_ref().map_or(bench, |fast| &fast.bench);
     let from = (before, baseline.fit);
-    let (mut findings, after_fit) = findings(bench, from, &selected, (&after, &told), recordings)?;
-    let departs = departs && confirm::departs(usual, &told, &after_fit, recordings)?;
+    let (mut findings, after_fit) = findings(finer, from, &selected, (&after, &told), recordings)?;
+    let departs = departs && confirm::departs(bench, &told, &after_fit, recordings)?;
     let astray = astray(&baseline.fit, &after_fit)
-        && !confirm::scatters(usual, (before, &fitted, &told), recordings)?;
+        && !confirm::scatters(bench, (before, &fitted, &told), recordings)?;
     let doubtful = significant || nameless || departs || astray || given.is_some();
     let fit = BeforeAfter {
         before: baseline.fit,
         after: after_fit,
     };
     let named = !selected.is_empty();
-    let noise = || Beyond::noise(usual, &fit, (&fitted, &told), (recordings, named));
+    let noise = || Beyond::noise(bench, &fit, (&fitted, &told), (recordings, named));
     let beyond = (!doubtful).then(noise).transpose()?.flatten();
     beyond.iter().for_each(|b| b.shows_in(&mut leftover));
     let verdict = Verdict::of(doubtful || beyond.is_some(), named);
-    let mut warnings = check::warnings(bench, before, recordings);
+    let mut warnings = check::warnings(finer, before, recordings);
     warnings.retain(|w| w.id != SHIFTED || shifted(verdict, &findings));
     warnings.extend(creep.map(|term| check::creeps(&term, after.motion)));
     if verdict == Verdict::Unknown || warnings.iter().any(contradicts) {
@@ -273,11 +311,11 @@ fn concluded(
     let unexplained = remains.filter(|_| verdict == Verdict::Unknown).cloned();
     let place = match beyond.as_ref().and_then(Beyond::place) {
         Some(place) => place.clone(),
-        None => place(bench, before, named.then_some(&after)),
+        None => place(finer, before, named.then_some(&after)),
     };
     let text = match &given {
         Some(given) => given_sentence(&given.text),
-        None if departs && remains.is_none() => departure_sentence(&when(bench, &after), &findings),
+        None if departs && remains.is_none() => departure_sentence(&when(finer, &after), &findings),
         None if let Some(beyond) = beyond => beyond.sentence(&findings, remains),
         None => verdict_sentence(verdict, &findings, remains, &warnings),
     };
@@ -297,7 +335,7 @@ fn concluded(
         parameters: estimates(&told, None),
         fit,
         departure,
-        half_width: bench.problem.half_widths().collect(),
+        half_width: finer.problem.half_widths().collect(),
     };
     let mut outcome = Outcome {
         diagnosis,

@@ -103,6 +103,9 @@ pub fn identify(
     Ok((bench, identified))
 }
 
+/// Fall of χ² from which on recordings tell one Stribeck curve from another of as many parameters: odds of e³.
+const TELLS_CURVES: f64 = 6.0;
+
 impl Workbench {
     /// Chooses the width of the windows, lays them out and estimates the noise.
     pub fn new(recordings: &[Recording], model: &Model, options: Options) -> Result<Self> {
@@ -508,6 +511,20 @@ impl Workbench {
             refine::refine(&self.problem, &mut next, &self.noise, &self.blocks);
         let holds = less < chi2 && system::inadmissible(&next).is_none();
         Ok(holds.then_some((next, less)))
+    }
+
+    /// The model under the rational Stribeck curve, if the file leaves open which one it is and the rows say that one, and by how
+    /// much χ² is less then.
+    pub fn curved(&self, model: &Model) -> Result<Option<(Model, f64)>> {
+        let Some(rational) = model.with_rational_curve() else {
+            return Ok(None);
+        };
+        let (_, chi2) = self.estimate(model)?;
+        // One that cannot be fitted is not it.
+        let less = self
+            .estimate(&rational)
+            .map_or(0.0, |(_, less)| chi2 - less);
+        Ok((less > TELLS_CURVES).then_some((rational, less)))
     }
 
     /// Estimates and judges a model.

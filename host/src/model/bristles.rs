@@ -1,6 +1,6 @@
 //! The law of the bristles that a model has, by its friction law or by an effect.
 
-use bristle_core::friction::{Dahl, Dynamic, LuGre, ModifiedLuGre};
+use bristle_core::friction::{Curve, Dahl, Dynamic, LuGre, ModifiedLuGre};
 
 use super::{Law, Model, Term};
 
@@ -172,7 +172,7 @@ impl Model {
         let exponent = fall.parameters.get(2).and_then(|p| p.value);
         Some(match exponent {
             Some(exponent) if exponent != 2.0 => Box::new(Shaped { lugre, exponent }),
-            _ if self.law == Law::ModifiedLuGre => Box::new(ModifiedLuGre {
+            _ if self.curve() == Curve::Rational => Box::new(ModifiedLuGre {
                 coulomb,
                 viscous,
                 static_level: lugre.static_level,

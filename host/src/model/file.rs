@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use bristle_core::friction::Curve;
 use toml_edit::{DocumentMut, Item, Table, TableLike, value};
 
 use super::kind::{Default, Spec};
@@ -188,6 +189,9 @@ impl Model {
         if !friction.contains_key("model") {
             friction.insert("model", value("coulomb-viscous"));
         }
+        if self.law == Law::Stribeck && self.curve() == Curve::Rational {
+            put(friction, "curve", value(RATIONAL));
+        }
         put(friction, "coulomb", self.coulomb.to_toml());
         put(friction, "viscous", self.viscous.to_toml());
         for term in &self.terms {
@@ -229,6 +233,10 @@ fn is_recording(path: &Path) -> bool {
     ["csv", "parquet", "pq", "mat"].contains(&ending.to_ascii_lowercase().as_str())
 }
 
+/// What `friction.curve` may say of the law `stribeck`: `e^(−(v/vs)²)` or `1/(1 + (v/vs)²)`.
+const CURVES: [&str; 2] = ["gaussian", RATIONAL];
+const RATIONAL: &str = "rational";
+
 type Checked<T> = std::result::Result<T, Problem>;
 type Friction = (Law, Parameter, Parameter, Vec<Term>);
 
@@ -243,9 +251,15 @@ fn friction(section: Option<&dyn TableLike>) -> Checked<Friction> {
     };
     let law = word(section, "friction", "model", &Law::WORDS)?
         .map_or(Law::CoulombViscous, Law::from_word);
+    let curve = word(section, "friction", "curve", &CURVES)?;
+    if curve.is_some() && law != Law::Stribeck {
+        let what = "friction.curve is for model = \"stribeck\" alone; the other laws have a curve by themselves";
+        return Err(at("friction.curve", what));
+    }
     // Parts of the law beyond Coulomb and viscous friction; the exponent is the law's own unless the file says otherwise.
     let parts: Vec<(&'static dyn Effect, Option<f64>)> = match law {
         Law::CoulombViscous => Vec::new(),
+        Law::Stribeck if curve == Some(RATIONAL) => vec![(&effects::law::RATIONAL, None)],
         Law::Stribeck => vec![(fall()?, Some(2.0))],
         Law::Static => vec![(fall()?, Some(1.0))],
         Law::Dahl => vec![(&effects::law::BRISTLES, None)],
@@ -259,7 +273,7 @@ fn friction(section: Option<&dyn TableLike>) -> Checked<Friction> {
         ],
     };
     let names = parts.iter().flat_map(|(part, _)| part.parameters());
-    let mut keys = vec!["model", "coulomb", "viscous"];
+    let mut keys = vec!["model", "coulomb", "viscous", "curve"];
     keys.extend(names.map(|spec| spec.name));
     only(section, "friction", &keys)?;
     let get = |name| parameter(section, "friction", name);

@@ -13,7 +13,9 @@ pub use bristles::Bristles;
 pub use kind::{Constant, Kind};
 pub use parameter::{Parameter, Status};
 
-use crate::effects::{Effect, Given, Quantity, Scale, Seat, Spec};
+use bristle_core::friction::Curve;
+
+use crate::effects::{self, Effect, Given, Quantity, Scale, Seat, Spec};
 pub use crate::motion::Motion;
 
 /// Canonical column name to the name in the recording.
@@ -33,7 +35,7 @@ pub enum Causality {
 pub enum Law {
     /// Coulomb and viscous friction.
     CoulombViscous,
-    /// Coulomb, viscous and the exponential Stribeck curve.
+    /// Coulomb, viscous and the Stribeck curve: the exponential one, or where the file says so, or recordings do, the rational one.
     Stribeck,
     /// The same with the exponent 1 (thesis eq. 11), named for its sticking condition, which every law without a bristle
     /// state obeys.
@@ -244,6 +246,33 @@ impl Model {
             .iter()
             .position(|l| l.effect.is_none() && l.name == "exponent")?;
         self.parameters()[at].known.then_some(at)
+    }
+
+    /// The curve by which friction of the law falls.
+    pub fn curve(&self) -> Curve {
+        let rational: &dyn Effect = &effects::law::RATIONAL;
+        let fixed = |term: &Term| term.in_law && effects::same_form(term.effect, rational);
+        match self.law {
+            Law::ModifiedLuGre => Curve::Rational,
+            Law::Stribeck if self.terms.iter().any(fixed) => Curve::Rational,
+            _ => Curve::Exponential,
+        }
+    }
+
+    /// The same under the rational Stribeck curve, of which nothing is known but what is given, if the file leaves to recordings which
+    /// one it is.
+    pub fn with_rational_curve(&self) -> Option<Self> {
+        let of_file = self.document.get("friction");
+        let told = of_file.is_some_and(|friction| friction.get("curve").is_some());
+        if self.law != Law::Stribeck || told || self.exponent_of_law().is_none() {
+            return None;
+        }
+        let mut rational = self.clone();
+        let fall = rational.terms.iter_mut().find(|t| t.in_law && t.falls())?;
+        fall.effect = &effects::law::RATIONAL;
+        fall.parameters.truncate(fall.effect.parameters().len());
+        *fall = fall.forgotten();
+        fall.parameters.iter().any(|p| !p.known).then_some(rational)
     }
 
     /// The unit of a quantity on this axis.

@@ -55,6 +55,8 @@ pub struct Streamed {
     pub stretches: Vec<Recording>,
     /// What was made of them.
     pub pilot: Workbench,
+    /// By how much its χ² is less under the rational Stribeck curve, where the model has got that.
+    pub less: Option<f64>,
     /// Rows of the training parts.
     pub rows: usize,
     /// Passes after the pilot.
@@ -79,6 +81,7 @@ pub fn identify(
         stretches,
         bench,
         model: mut start,
+        less,
         plan,
     } = Pilot::new(recordings, model, options)?;
     let taken = fix_taken(&mut start);
@@ -110,6 +113,7 @@ pub fn identify(
         identified,
         stretches,
         pilot: bench,
+        less,
         rows: normal.rows(),
         passes: number,
     })

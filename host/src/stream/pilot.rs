@@ -29,6 +29,8 @@ pub(super) struct Pilot {
     pub stretches: Vec<Recording>,
     pub bench: Workbench,
     pub model: Model,
+    /// By how much χ² is less under the rational Stribeck curve, where the model has got that.
+    pub less: Option<f64>,
     pub plan: Plan,
 }
 
@@ -49,7 +51,8 @@ impl Pilot {
             };
             stretches.iter().zip(&wholes).map(track).collect()
         })?;
-        let (model, _) = bench.estimate(model)?;
+        let (rational, less) = bench.curved(model)?.unzip();
+        let (model, _) = bench.estimate(rational.as_ref().unwrap_or(model))?;
         let problem = &bench.problem;
         let plan = Plan {
             half_width: problem.half_width(),
@@ -62,6 +65,7 @@ impl Pilot {
             stretches,
             bench,
             model,
+            less,
             plan,
         })
     }

@@ -13,11 +13,10 @@ pub use scale::{SI, units};
 use bristle_core::control::{
     Adaptation, Compensation, Driver, Friction, Learning, Method, Parameters,
 };
-use bristle_core::friction::Curve;
 use statrs::function::gamma::gamma;
 
 use crate::error::{self, Error, Result};
-use crate::model::{Causality, Kind, Label, Law, Model};
+use crate::model::{Causality, Kind, Label, Model};
 use crate::plant::{DcMotor, geared_servo};
 
 /// What the owner of an axis asks for.
@@ -245,11 +244,7 @@ fn friction(model: &Model) -> Friction<f64> {
         viscous: value(&model.viscous).max(0.0),
         static_level: named("static").unwrap_or(coulomb).max(coulomb),
         stribeck_velocity: widened * named("stribeck_velocity").unwrap_or(1.0),
-        curve: if model.law == Law::ModifiedLuGre {
-            Curve::Rational
-        } else {
-            Curve::Exponential
-        },
+        curve: model.curve(),
         bristle_stiffness: named("bristle_stiffness").unwrap_or(1.0),
         bristle_damping: named("bristle_damping").unwrap_or(0.0),
     }

@@ -8,6 +8,7 @@ mod rational;
 mod simex;
 mod weights;
 
+use bristle_core::friction::Curve;
 use nalgebra::{DMatrix, DVector};
 
 use crate::effects::{Quantity, Seat};
@@ -98,6 +99,11 @@ pub struct Solution {
 pub fn forms(model: &Model) -> Vec<Box<dyn Form>> {
     match model.law {
         Law::Dahl => vec![Box::new(dahl::SimplifiedDahl)],
+        Law::Stribeck if model.curve() == Curve::Rational => {
+            vec![Box::new(rational::RationalStribeck {
+                remark: "The model's own law. Windows with a reversal or rest inside are left out.",
+            })]
+        }
         Law::ModifiedLuGre => vec![Box::new(rational::RationalStribeck {
             remark: "The sliding part of the model's own law: windows with a reversal, rest or bending bristles inside (by the default estimate) are left out.",
         })],
