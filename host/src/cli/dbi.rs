@@ -58,16 +58,11 @@ impl Command {
         progress.say("identifying");
         let recordings = steadied(recordings, &model, self.windows.options()?)
             .map_err(|e| named(e, &self.recordings, &self.model))?;
-        let (bench, model, identified) =
-            Workbench::new(&recordings, &model, self.windows.options()?)
-                .and_then(|bench| {
-                    let model = bench
-                        .curved(&model)?
-                        .map_or(model, |(rational, _)| rational);
-                    let identified = bench.fit(&model, &recordings)?;
-                    Ok((bench, model, identified))
-                })
-                .map_err(|e| named(e, &self.recordings, &self.model))?;
+        let bench = Workbench::new(&recordings, &model, self.windows.options()?)
+            .map_err(|e| named(e, &self.recordings, &self.model))?;
+        let (identified, model, _) = bench
+            .fit_curved(&model, &recordings)
+            .map_err(|e| named(e, &self.recordings, &self.model))?;
         let study = Study::new(&bench, &identified, &model, &recordings, &|what| {
             progress.say(what);
         });

@@ -199,13 +199,15 @@ impl Command {
             Input::Memory(recordings) => {
                 let recordings = steadied(recordings, model, options)?;
                 let bench = Workbench::new(&recordings, model, options)?;
-                let (rational, less) = bench.curved(model)?.unzip();
-                let model = rational.as_ref().unwrap_or(model);
-                let (identified, minimisation) =
-                    self.identified(&bench, model, &recordings, progress)?;
+                progress.say("identifying");
+                let (found, model, less) = bench.fit_curved(model, &recordings)?;
+                let given = (&model, recordings.as_slice());
+                let (identified, minimisation) = self.refined(found, &bench, given, progress)?;
                 let whole = self.whole.then(|| {
-                    let bench = bench.on_whole(model, options)?;
-                    let (all, _) = self.identified(&bench, model, &recordings, progress)?;
+                    let bench = bench.on_whole(&model, options)?;
+                    progress.say("identifying");
+                    let found = bench.fit(&model, &recordings)?;
+                    let (all, _) = self.refined(found, &bench, given, progress)?;
                     Ok::<_, Error>(all.model)
                 });
                 Ok(Found {
@@ -237,19 +239,16 @@ impl Command {
         }
     }
 
-    /// By the chosen method, from the training part of a workbench.
-    fn identified(
+    /// What was found on a workbench, refined by the chosen method.
+    fn refined(
         &self,
+        found: Identified,
         bench: &Workbench,
-        model: &Model,
-        recordings: &[Recording],
+        given: (&Model, &[Recording]),
         progress: &Meter,
     ) -> Result<(Identified, Option<Minimisation>)> {
-        progress.say("identifying");
-        let found = bench.fit(model, recordings)?;
         progress.say("taking off what sensors and smoothing do");
-        let mut identified = bench.unbiased(found, recordings)?;
-        let given = (model, recordings);
+        let mut identified = bench.unbiased(found, given.1)?;
         let minimisation = self.how.refine(&mut identified, bench, given, progress)?;
         Ok((identified, minimisation))
     }

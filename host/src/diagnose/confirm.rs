@@ -131,7 +131,7 @@ fn outpredicted(
 ) -> Result<Vec<&'static str>> {
     let run = |model: &Model| fit::parts(model, recordings, &bench.problem.tracks);
     let better = |a: &Parts, b: &Parts| a.held_out().halves(&b.held_out()) && a.halves(b);
-    let predicts = |run: &Parts| run.train().nrmse.min(run.held_out().nrmse) <= HOPELESS;
+    let predicts = |run: &Parts| !hopeless(&run.train(), &run.held_out());
     for (k, own) in selected.iter().enumerate() {
         let term = before.terms.len() + k;
         let lacking = select::without(after, term);
@@ -326,6 +326,11 @@ pub(super) fn worsens(
 fn outweighs(with: &Parts, without: &Parts) -> bool {
     let doubles = without.held_out().halves(&with.held_out());
     with.held_out.len() < FEWEST_WINDOWS && !doubles && with.halves(without)
+}
+
+/// Whether free runs explain nothing: see [`HOPELESS`].
+pub(super) fn hopeless(train: &fit::Error, held_out: &fit::Error) -> bool {
+    train.nrmse.min(held_out.nrmse) > HOPELESS
 }
 
 /// Whether the axis moves enough in the held-out part, beside the training part, for a free run to say anything.

@@ -121,7 +121,7 @@ fn under_another_curve(
     let free = free.transpose()?;
     let adequate = outcome.diagnosis.verdict == Verdict::Adequate;
     if (free.is_some() || adequate)
-        && let Some((rational, less)) = bench.curved(&baseline.model)?
+        && let Some((rational, less)) = bench.curved(&baseline.model, baseline.chi2)
     {
         progress("the same with another curve of the friction law");
         let rational = bench.fit(&rational, recordings)?;
@@ -410,7 +410,7 @@ fn judged(
 /// twice the squared error of the baseline. Of axes whose free runs scatter by themselves see [`confirm::scatters`].
 fn astray(before: &Fit, after: &Fit) -> bool {
     let (train, held_out) = (&after.train, &after.held_out);
-    let hopeless = train.nrmse.min(held_out.nrmse) > HOPELESS;
+    let hopeless = confirm::hopeless(train, held_out);
     let worse = train.nrmse > before.train.nrmse.max(HOPELESS);
     let nothing = held_out.nrmse > 1.0 && held_out.rmse > train.rmse;
     let lost = nothing || before.held_out.halves(held_out);

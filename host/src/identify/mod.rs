@@ -513,18 +513,28 @@ impl Workbench {
         Ok(holds.then_some((next, less)))
     }
 
-    /// The model under the rational Stribeck curve, if the file leaves open which one it is and the rows say that one, and by how
-    /// much χ² is less then.
-    pub fn curved(&self, model: &Model) -> Result<Option<(Model, f64)>> {
-        let Some(rational) = model.with_rational_curve() else {
-            return Ok(None);
-        };
-        let (_, chi2) = self.estimate(model)?;
+    /// A model, which fits with a χ², under the rational Stribeck curve, and by how much χ² is less then: if the file leaves open which
+    /// curve it is, and the rows say that one.
+    pub fn curved(&self, model: &Model, chi2: f64) -> Option<(Model, f64)> {
+        let rational = model.with_rational_curve()?;
         // One that cannot be fitted is not it.
-        let less = self
-            .estimate(&rational)
-            .map_or(0.0, |(_, less)| chi2 - less);
-        Ok((less > TELLS_CURVES).then_some((rational, less)))
+        let (_, with_it) = self.estimate(&rational).ok()?;
+        let less = chi2 - with_it;
+        (less > TELLS_CURVES).then_some((rational, less))
+    }
+
+    /// Estimates and judges a model under the curve that the rows say: see [`Workbench::curved`]. With it come the model that was to be
+    /// fitted then, and by how much χ² is less under the rational curve.
+    pub fn fit_curved(
+        &self,
+        model: &Model,
+        recordings: &[Recording],
+    ) -> Result<(Identified, Model, Option<f64>)> {
+        let found = self.fit(model, recordings)?;
+        Ok(match self.curved(model, found.chi2) {
+            Some((rational, less)) => (self.fit(&rational, recordings)?, rational, Some(less)),
+            None => (found, model.clone(), None),
+        })
     }
 
     /// Estimates and judges a model.

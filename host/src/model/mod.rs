@@ -237,8 +237,7 @@ impl Model {
 
     /// The place in [`Model::parameters`] of the exponent of the friction law if the law gives it, and the file nothing.
     pub fn exponent_of_law(&self) -> Option<usize> {
-        let of_file = self.document.get("friction");
-        if of_file.is_some_and(|friction| friction.get("exponent").is_some()) {
+        if self.file_gives("exponent") {
             return None;
         }
         let labels = self.labels();
@@ -246,6 +245,12 @@ impl Model {
             .iter()
             .position(|l| l.effect.is_none() && l.name == "exponent")?;
         self.parameters()[at].known.then_some(at)
+    }
+
+    /// Whether the file says something under a key of its friction.
+    fn file_gives(&self, key: &str) -> bool {
+        let friction = self.document.get("friction");
+        friction.is_some_and(|friction| friction.get(key).is_some())
     }
 
     /// The curve by which friction of the law falls.
@@ -262,9 +267,8 @@ impl Model {
     /// The same under the rational Stribeck curve, of which nothing is known but what is given, if the file leaves to recordings which
     /// one it is.
     pub fn with_rational_curve(&self) -> Option<Self> {
-        let of_file = self.document.get("friction");
-        let told = of_file.is_some_and(|friction| friction.get("curve").is_some());
-        if self.law != Law::Stribeck || told || self.exponent_of_law().is_none() {
+        if self.law != Law::Stribeck || self.file_gives("curve") || self.exponent_of_law().is_none()
+        {
             return None;
         }
         let mut rational = self.clone();

@@ -51,8 +51,11 @@ impl Pilot {
             };
             stretches.iter().zip(&wholes).map(track).collect()
         })?;
-        let (rational, less) = bench.curved(model)?.unzip();
-        let (model, _) = bench.estimate(rational.as_ref().unwrap_or(model))?;
+        let (found, chi2) = bench.estimate(model)?;
+        let (model, less) = match bench.curved(model, chi2) {
+            Some((rational, less)) => (bench.estimate(&rational)?.0, Some(less)),
+            None => (found, None),
+        };
         let problem = &bench.problem;
         let plan = Plan {
             half_width: problem.half_width(),
