@@ -273,7 +273,8 @@ fn friction(section: Option<&dyn TableLike>) -> Checked<Friction> {
         ],
     };
     let names = parts.iter().flat_map(|(part, _)| part.parameters());
-    let mut keys = vec!["model", "coulomb", "viscous", "curve"];
+    let mut keys = vec!["model", "coulomb", "viscous"];
+    keys.extend((law == Law::Stribeck).then_some("curve"));
     keys.extend(names.map(|spec| spec.name));
     only(section, "friction", &keys)?;
     let get = |name| parameter(section, "friction", name);
