@@ -1201,6 +1201,8 @@ fn a_stribeck_law_has_the_curve_that_recordings_show() {
             told(&json) == rational && off(&json) < 0.1,
             "{curve}: {json}"
         );
+        folder.done("dbi run.csv --model open.toml --json out.json");
+        assert_eq!(told(&folder.json("out.json")), rational, "{curve}");
         folder.done("identify run.csv --model gaussian.toml --json out.json");
         let json = folder.json("out.json");
         assert!(

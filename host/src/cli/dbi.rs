@@ -10,6 +10,7 @@ use super::output::{self, Outputs};
 use super::terminal::Meter;
 use super::windows::Windows;
 use super::{DONE, Outcome, terminal};
+use crate::check;
 use crate::dbi::Study;
 use crate::identify::{Workbench, steadied};
 use crate::model::Model;
@@ -60,12 +61,13 @@ impl Command {
             .map_err(|e| named(e, &self.recordings, &self.model))?;
         let bench = Workbench::new(&recordings, &model, self.windows.options()?)
             .map_err(|e| named(e, &self.recordings, &self.model))?;
-        let (identified, model, _) = bench
+        let (identified, model, less) = bench
             .fit_curved(&model, &recordings)
             .map_err(|e| named(e, &self.recordings, &self.model))?;
-        let study = Study::new(&bench, &identified, &model, &recordings, &|what| {
+        let mut study = Study::new(&bench, &identified, &model, &recordings, &|what| {
             progress.say(what);
         });
+        study.warnings.extend(less.map(check::falls_otherwise));
         let mut outputs = Outputs::default();
         outputs.add(self.json.as_ref(), || json(&study))?;
         outputs.add(self.report.as_ref(), || {
