@@ -419,7 +419,7 @@ pub fn inverse(axis: &Axis, recording: &Recording, track: &Track) -> Vec<f64> {
         })
     };
     let positions: Vec<f64> = (0..=last).map(|k| truth(k).q).collect();
-    let accelerations = track.acceleration(&positions, recording.q.is_none());
+    let accelerations = track.acceleration(&positions);
     let bent = axis.contact.bristles().map(|law| (law, track.bend(law)));
     recording
         .t

@@ -102,12 +102,7 @@ impl Noise {
         for _ in 0..DRAWS {
             let rows = problem.stack(|track, windows| {
                 // Uniform on ±√3 has unit variance.
-                let amplitude = 3f64.sqrt() * track.position_noise;
-                let noise: Vec<f64> = track
-                    .q
-                    .iter()
-                    .map(|_| rng.random_range(-amplitude..=amplitude))
-                    .collect();
+                let noise = track.noise(|| rng.random_range(-3f64.sqrt()..=3f64.sqrt()));
                 windows.acceleration(&noise)
             });
             let z = self.whiten(&rows);

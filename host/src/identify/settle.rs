@@ -223,8 +223,8 @@ impl Workbench {
         let all = noise.law.floor() * scale * scale;
         let tracks = self.problem.tracks.iter().zip(&self.problem.windows);
         let loads = tracks.map(|(track, windows)| {
-            let encoder = inertia.unwrap_or_default() * track.position_noise;
-            let rest = all - encoder * encoder * windows.acceleration_noise();
+            let encoder = inertia.unwrap_or_default().powi(2) * windows.acceleration_noise(track);
+            let rest = all - encoder;
             let passed: f64 = windows.hold_weights().iter().map(|w| w * w).sum();
             (rest.max(0.0) / passed).sqrt()
         });

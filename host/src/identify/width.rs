@@ -141,6 +141,6 @@ fn encoder_share(problem: &Problem, dictionary: &Dictionary, model: &Model) -> R
         .tracks
         .iter()
         .zip(&problem.windows)
-        .map(|(t, w)| t.position_noise.powi(2) * w.acceleration_noise());
+        .map(|(track, windows)| windows.acceleration_noise(track));
     Ok(encoder.fold(0.0, f64::max) / variance.max(1e-300))
 }

@@ -17,9 +17,8 @@ impl Track {
     /// A wider one takes more of the noise away, of which the positions have [`Track::position_noise`], and more of the
     /// motion, in proportion to the square of its width. The latter is told by what the next narrower one leaves of it (as in
     /// O. V. Lepski, Theory of Probability and its Applications 35, 1991). Where it does not fit, towards the ends, a narrower
-    /// one or the value of a node further in takes its place, whichever errs less. `summed` says that positions are running
-    /// sums of noisy velocities.
-    pub fn acceleration(&self, q: &[f64], summed: bool) -> Vec<f64> {
+    /// one or the value of a node further in takes its place, whichever errs less.
+    pub fn acceleration(&self, q: &[f64]) -> Vec<f64> {
         let noise = self.position_noise.powi(2);
         let widest = (WIDEST / self.period).min(0.25 * q.len() as f64).max(2.0) as usize;
         let mut all: Vec<Tried> = Vec::new();
@@ -27,17 +26,34 @@ impl Track {
         while reach <= widest {
             let mut tried = Tried::new(q, reach, self.period);
             let lost = all.last().map_or(0.0, |narrower| {
-                let seen = tried.differs(narrower, noise, summed);
+                let seen = tried.differs(narrower, noise, self.summed);
                 let ratio = narrower.reach as f64 / reach as f64;
                 seen.max(0.0) / (1.0 - ratio * ratio).powi(2)
             });
-            tried.risk = lost + noise * energy(&tried.weights, summed);
+            tried.risk = lost + self.noise_under(&tried.weights);
             all.push(tried);
             reach = (WIDER * reach as f64).ceil() as usize;
         }
         let by_risk = |a: &usize, b: &usize| all[*a].risk.total_cmp(&all[*b].risk);
         let best = (0..all.len()).min_by(by_risk).unwrap_or(0);
         to_the_ends(&all[..=best], q.len())
+    }
+
+    /// Noise like that of the sensor at every node, from draws of unit variance.
+    pub fn noise(&self, mut draw: impl FnMut() -> f64) -> Vec<f64> {
+        let mut sum = 0.0;
+        let noise = self.q.iter().map(|_| {
+            let one = self.position_noise * draw();
+            sum += one;
+            if self.summed { sum } else { one }
+        });
+        noise.collect()
+    }
+
+    /// Variance that the noise of the sensor makes in a dot product with positions. Those that are sums of a measured velocity have its
+    /// running sum.
+    pub(super) fn noise_under(&self, weights: &[f64]) -> f64 {
+        self.position_noise.powi(2) * energy(weights, self.summed)
     }
 }
 
@@ -182,7 +198,7 @@ mod tests {
         let inside = 200..SAMPLES - 200;
         for quantum in [1e-5, 1e-4, 1e-3] {
             let (track, q) = counted(quantum);
-            let chosen = error(&track.acceleration(&q, false), inside.clone());
+            let chosen = error(&track.acceleration(&q), inside.clone());
             let fixed = |reach| error(&held(&q, reach), inside.clone());
             let best = (2..=70).map(fixed).fold(f64::INFINITY, f64::min);
             assert!(chosen < 1.33 * best, "{quantum}: {chosen} {best}");
@@ -198,7 +214,7 @@ mod tests {
             let ends = |a: &[f64]| error(a, 0..20).hypot(error(a, SAMPLES - 20..SAMPLES));
             let inside = |reach: &usize| error(&held(&q, *reach), 200..SAMPLES - 200);
             let best = (2..=70).min_by(|a, b| inside(a).total_cmp(&inside(b)));
-            let chosen = ends(&track.acceleration(&q, false));
+            let chosen = ends(&track.acceleration(&q));
             let holding = ends(&held(&q, best.expect("a width")));
             assert!(chosen < share * holding, "{quantum}: {chosen} {holding}");
         }

@@ -43,7 +43,7 @@ pub struct Track {
     /// Nodes of the whole recording, of which this may be a piece.
     pub whole: usize,
     /// Whether positions are the integral of a measured velocity.
-    summed: bool,
+    pub(super) summed: bool,
     input: Held,
 }
 

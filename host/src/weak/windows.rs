@@ -141,9 +141,9 @@ impl Windows {
         }
     }
 
-    /// Variance of `∫q φ̈` for unit white noise on the positions.
-    pub fn acceleration_noise(&self) -> f64 {
-        self.acceleration.iter().map(|w| w * w).sum()
+    /// Variance of `∫q φ̈` that the noise of a track's sensor makes.
+    pub fn acceleration_noise(&self, track: &Track) -> f64 {
+        track.noise_under(&self.acceleration)
     }
 
     /// `∫φ` over each cell under a window.
