@@ -90,7 +90,8 @@ impl Workbench {
     }
 
     /// The last step of the hierarchy: the breakaway distances of bristles that fit best, each with the Stribeck velocity
-    /// that goes best with it where that is unknown, the best first. The model itself where there is nothing to find.
+    /// that goes best with it where that is unknown, the best first; or those at which bristles of a given stiffness are likeliest to
+    /// yield, the nearest first. The model itself where there is nothing to find.
     ///
     /// They are more than one since each bends the bristles with the ratio of levels that it begins with, not with that which
     /// it ends with: only refinement tells which of them is best. Distances that fit better than their neighbours come first,
@@ -110,9 +111,19 @@ impl Workbench {
             let parameter = &model.terms[term].parameters[inner];
             (!parameter.known && sought(parameter)).then_some(inner)
         };
-        let stiffness = free(bristles)?;
+        let stiffness = model.terms[bristles].effect.inner()?;
         let fall = model.terms.iter().position(Term::falls);
         let velocity = fall.and_then(|k| free(k).map(|inner| (k, inner)));
+        let given = &model.terms[bristles].parameters[stiffness];
+        let given = given.value.filter(|_| given.known);
+        // How far bristles of a given stiffness bend depends on the level, which is to be found.
+        let open = match given {
+            Some(_) => velocity.is_some() || !model.coulomb.known && sought(&model.coulomb),
+            None => free(bristles).is_some(),
+        };
+        if !open {
+            return None;
+        }
         // Ratios come first.
         let mut scaled = self.problem.levelled(model.clone());
         if let Some(level) = fall.map(|k| &mut scaled.terms[k].parameters[0])
@@ -146,9 +157,17 @@ impl Workbench {
             }
             found.push(best);
         }
+        let Some(given) = given else {
+            return Some(Starts {
+                models: best_of(&found),
+                stiff: stiff(model, bristles, stiffness, &survey),
+            });
+        };
         Some(Starts {
-            models: best_of(&found),
-            stiff: stiff(model, bristles, stiffness, &survey),
+            models: nearest(found, given, |model| {
+                &mut model.terms[bristles].parameters[stiffness].value
+            }),
+            stiff: None,
         })
     }
 
@@ -191,6 +210,23 @@ impl Workbench {
             Some(_) => None,
         }
     }
+}
+
+/// The models of a grid whose bristles are the nearest to a given stiffness, which they get.
+fn nearest(
+    grid: Vec<Option<(f64, Model)>>,
+    given: f64,
+    stiffness: impl Fn(&mut Model) -> &mut Option<f64>,
+) -> Vec<Model> {
+    let mut models: Vec<(f64, Model)> = (grid.into_iter().flatten())
+        .map(|(_, mut model)| {
+            let found = stiffness(&mut model).replace(given).unwrap_or(given);
+            ((found / given).ln().abs(), model)
+        })
+        .collect();
+    models.sort_by(|a, b| a.0.total_cmp(&b.0));
+    models.truncate(STARTS);
+    models.into_iter().map(|(_, model)| model).collect()
 }
 
 /// Bristles of which nothing shows: next to stiff.
