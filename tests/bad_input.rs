@@ -379,6 +379,21 @@ fn models_that_no_recording_can_determine() {
     let line = "simulate --input run.csv --model axis.toml --out out.csv";
     refused(&folder, line, &["axis.toml", "plant.inertia", "identify"]);
     // What no fit estimates has to be written.
+    for (key, part) in [
+        ("back_emf", "viscous friction holds both"),
+        ("electrical_time_constant", "names the lag"),
+    ] {
+        let driven = format!("input = \"voltage\"\n{key} = \"?\"\n[friction]");
+        folder.write("motor.toml", PLAIN.replace("[friction]", &driven));
+        let parts = ["motor.toml", &format!("plant.{key}"), part];
+        for verb in ["identify", "diagnose", "dbi"] {
+            refused(
+                &folder,
+                &format!("{verb} run.csv --model motor.toml"),
+                &parts,
+            );
+        }
+    }
     let spring = "[plant]\nmotion = \"linear\"\nkind = \"mass-spring\"\ninertia = 1\n[friction]\ncoulomb = 1\nviscous = 0\n";
     folder.write("spring.toml", spring);
     let line = "simulate --excite chirp --amplitude 1 --model spring.toml --out out.csv";

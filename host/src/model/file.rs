@@ -21,7 +21,7 @@ impl Model {
     pub fn read_to_fit(path: &Path) -> Result<Self> {
         read(path, |text| {
             let model = Self::parse(text)?.into_axis()?;
-            match model.unfittable() {
+            match model.unfittable().or_else(|| model.not_estimated()) {
                 None => Ok(model),
                 Some((key, what)) => Err(at(key, what).message(text)),
             }

@@ -218,4 +218,25 @@ impl Model {
         );
         Some(("plant.kind", what))
     }
+
+    /// What of an axis is left open although no fit estimates it, if anything: its key and a message.
+    pub(super) fn not_estimated(&self) -> Option<(&'static str, String)> {
+        const WHAT: [(&str, &str); 2] = [
+            (
+                "plant.back_emf",
+                "slows the axis as viscous friction does, and no recording tells one from the other; write its number, or leave it out, and viscous friction holds both",
+            ),
+            (
+                "plant.electrical_time_constant",
+                "is not estimated; write L/R in s, or leave it out, and a diagnosis names the lag if it shows",
+            ),
+        ];
+        let open = |key: &str| {
+            self.constants
+                .iter()
+                .any(|c| c.key == key && c.parameter.value.is_none())
+        };
+        let (key, what) = WHAT.into_iter().find(|(key, _)| open(key))?;
+        Some((key, format!("{key} {what}")))
+    }
 }
