@@ -454,6 +454,7 @@ fn effects_of_another_shape_keep_their_names() {
         u - 0.04 * (12.0 * state.q).sin() - 0.02 * (24.0 * state.q + 1.0).sin()
     };
     let hum = |t: f64, _: State, u: f64| u + 0.08 * (11.0 * t).sin() - 0.04 * (22.0 * t).cos();
+    let flat = |t: f64, _: State, u: f64| u + 0.08 * (11.0 * t).sin() + 0.025 * (33.0 * t).sin();
     let gear = |_, state: State, u: f64| {
         let s = if state.v == 0.0 {
             0.0
@@ -465,11 +466,12 @@ fn effects_of_another_shape_keep_their_names() {
         let load = (0..60).fold(net, |load: f64, _| net - 0.25 * load.abs() * s);
         u - 0.25 * load.abs() * s
     };
-    let shapes: [(&str, &str, f64, Drive); 5] = [
+    let shapes: [(&str, &str, f64, Drive); 6] = [
         ("saturation", "soft_limit", 0.9, &soft),
         ("input-dead-zone", "threshold", 0.15, &jump),
         ("cogging", "second_amplitude", 0.02, &cogs),
         ("periodic-disturbance", "second_amplitude", 0.04, &hum),
+        ("periodic-disturbance", "third_amplitude", 0.025, &flat),
         // That of all other friction, 0.12 + 0.02·|v| at some 2 rad/s.
         ("load-dependent-friction", "level", 0.16, &gear),
     ];

@@ -42,16 +42,18 @@ pub(super) fn in_best(
 fn in_better(bench: &Workbench, model: &Model, found: Selected) -> Result<(Selected, Model)> {
     let own = found.trial.effect;
     let (next, chi2) = bench.estimate(&select::with_trial(model, &found.trial))?;
-    let Some(other) = richer(own) else {
+    let fitted = |other: &'static dyn Effect| {
+        let (richer, least) = bench.estimate(&model.with_effect(other)).ok()?;
+        let parameters = other.parameters().len() - own.parameters().len();
+        let price = parameters as f64 * bench.training_rows().ln();
+        Some((other, richer, least, price))
+    };
+    let worth = |(_, _, least, price): &(_, _, f64, f64)| chi2 - least - price;
+    let best = (richer_forms(own).filter_map(fitted)).max_by(|a, b| worth(a).total_cmp(&worth(b)));
+    let Some((other, richer, least, price)) = best.filter(|best| worth(best) > 0.0) else {
         return Ok((found, next));
     };
-    let Ok((richer, least)) = bench.estimate(&model.with_effect(other)) else {
-        return Ok((found, next));
-    };
-    let parameters = other.parameters().len() - own.parameters().len();
-    let price = parameters as f64 * bench.training_rows().ln();
-    let term = richer.terms.last().filter(|_| chi2 - least > price);
-    let Some(term) = term else {
+    let Some(term) = richer.terms.last() else {
         return Ok((found, next));
     };
     let (inner, _) = other.linear(&system::values(term), richer.scale());
@@ -72,12 +74,18 @@ pub(super) fn fullest(id: &str) -> Option<&'static dyn Effect> {
     effects::find(id).map(|plain| richer(plain).unwrap_or(plain))
 }
 
-/// The form of an effect with more to it, or that refines it, if it has one.
+/// The form of an effect with most to it, if it has one with more to it, or that refines it.
 fn richer(effect: &dyn Effect) -> Option<&'static dyn Effect> {
-    let more =
-        |form: &&dyn Effect| form.refines() || form.parameters().len() > effect.parameters().len();
-    let mut others = effect.other_forms().iter().copied();
-    others.find(|form| more(form) && !form.on_load_side())
+    richer_forms(effect).last()
+}
+
+/// The forms of an effect with more to them, or that refine it, those with most to them last.
+fn richer_forms(effect: &dyn Effect) -> impl Iterator<Item = &'static dyn Effect> {
+    let own = effect.parameters().len();
+    let others = effect.other_forms().iter().copied();
+    others.filter(move |form| {
+        (form.refines() || form.parameters().len() > own) && !form.on_load_side()
+    })
 }
 
 /// The model without effects that another makes up for in its form with more to it, as a spring that rests elsewhere does for an

@@ -99,7 +99,8 @@ pub fn diagnose(
     elsewhere.tell(told);
     elsewhere.diagnosis.warnings.push(check::unresolved());
     let warnings = &elsewhere.diagnosis.warnings;
-    elsewhere.diagnosis.text = verdict_sentence(Verdict::Adequate, &[], None, warnings);
+    let told = (&[][..], &elsewhere.diagnosis.fit);
+    elsewhere.diagnosis.text = verdict_sentence(Verdict::Adequate, told, None, warnings);
     Ok(elsewhere)
 }
 
@@ -317,7 +318,7 @@ fn concluded(
         Some(given) => given_sentence(&given.text),
         None if departs && remains.is_none() => departure_sentence(&when(finer, &after), &findings),
         None if let Some(beyond) = beyond => beyond.sentence(&findings, remains),
-        None => verdict_sentence(verdict, &findings, remains, &warnings),
+        None => verdict_sentence(verdict, (&findings, &fit), remains, &warnings),
     };
     let diagnosis = Diagnosis {
         schema: "bristle.diagnosis/1",
@@ -868,7 +869,7 @@ fn even_with(findings: &[Finding]) -> String {
 
 fn verdict_sentence(
     verdict: Verdict,
-    findings: &[Finding],
+    (findings, fit): (&[Finding], &BeforeAfter),
     remains: Option<&Unexplained>,
     warnings: &[Warning],
 ) -> String {
@@ -897,6 +898,16 @@ fn verdict_sentence(
         Verdict::Unknown => {
             let Some(unexplained) = remains else {
                 let even = even_with(findings);
+                let (before, after) = (&fit.before.held_out, &fit.after.held_out);
+                if before.halves(after) && !confirm::hopeless(&fit.after.train, after) {
+                    let percent = |part: &fit::Error| format::significant(100.0 * part.nrmse, 3);
+                    return format!(
+                        "The last 30 % of the recording, which no fit has seen, speak against what the rest says: with {} in, the model errs there by {} %, without by {} %. What acts is much like that and yet another thing; record again so that all levels of drive, speed and position come early and late.",
+                        names(findings),
+                        percent(after),
+                        percent(before)
+                    );
+                }
                 return format!(
                     "The model hardly predicts the motion{even}, and the recording is too noisy or too uniform to tell what is left out: record again with both directions, several speeds and reversals."
                 );

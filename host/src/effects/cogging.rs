@@ -1,7 +1,7 @@
 //! # What it is
 //! A torque periodic in position with `periods` per turn (or per metre), whatever the drive does:
 //! `τ = amplitude·sin(2π·periods·x + phase)` with `x` in turns (or metres). With a `second_amplitude` and a `second_phase` a wave of
-//! twice the periods comes on top.
+//! twice the periods comes on top, with a `third_amplitude` and a `third_phase` one of three times as many.
 //!
 //! # What it looks like in a recording
 //! The axis settles in evenly spaced positions and ripples at slow speed, with a frequency proportional to speed.
@@ -18,7 +18,7 @@
 //! # References
 //! D. Hanselman, Brushless Permanent Magnet Motor Design, 2006, ch. 5.
 
-use super::overtone::{Overtone, SECOND_AMPLITUDE, SECOND_PHASE};
+use super::overtone::{Overtone, SECOND_AMPLITUDE, SECOND_PHASE, THIRD_AMPLITUDE, THIRD_PHASE};
 use super::{Confusion, Effect, Inner, Motion, Quantity, Scale, Spec, Survey, Wave, cartesian, periodicities, polar};
 use crate::format::{quantity, shortest};
 
@@ -33,6 +33,12 @@ const WAVE: [Spec; 3] = [
 /// With a wave of twice the periods beside.
 pub(super) const OCTAVE: Overtone =
     Overtone { plain: &Cogging, parameters: &[WAVE[0], WAVE[1], WAVE[2], SECOND_AMPLITUDE, SECOND_PHASE] };
+
+/// With one of three times the periods as well.
+pub(super) const THREE_WAVES: Overtone = Overtone {
+    plain: &Cogging,
+    parameters: &[WAVE[0], WAVE[1], WAVE[2], SECOND_AMPLITUDE, SECOND_PHASE, THIRD_AMPLITUDE, THIRD_PHASE],
+};
 
 impl Effect for Cogging {
     fn id(&self) -> &'static str {
@@ -70,7 +76,7 @@ impl Effect for Cogging {
         )
     }
     fn other_forms(&self) -> &'static [&'static dyn Effect] {
-        &[&OCTAVE]
+        &[&OCTAVE, &THREE_WAVES]
     }
     fn width(&self) -> usize {
         2

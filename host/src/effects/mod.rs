@@ -321,7 +321,7 @@ pub trait Effect: Sync {
 }
 
 /// Room for the basis of any effect.
-pub const WIDEST: usize = 4;
+pub const WIDEST: usize = 6;
 
 /// What an effect of these coefficients adds to a measured position where the true one is `q`, and its slope.
 pub fn error(effect: &dyn Effect, coefficients: &[f64], q: f64) -> (f64, f64) {

@@ -1,16 +1,16 @@
-//! A wave with an octave: another of twice its periods, with an amplitude and a phase of its own. Poles, slots and teeth are seldom
-//! shaped like a sine.
+//! A wave with overtones: others of twice and three times its periods, each with an amplitude and a phase of its own. Poles, slots and
+//! teeth are seldom shaped like a sine, and what switches on and off is none.
 
 use super::{
     Confusion, Effect, Impostor, Inner, Motion, Point, Quantity, Scale, Search, Seat, Spec, Survey,
     Wave,
 };
 
-/// An effect that is one wave, of an amplitude, a phase and what is scanned, with twice that beside.
+/// An effect that is one wave, of an amplitude, a phase and what is scanned, with multiples of that beside.
 pub(super) struct Overtone {
     /// The effect that is one wave.
     pub plain: &'static dyn Effect,
-    /// Its parameters, then [`SECOND_AMPLITUDE`] and [`SECOND_PHASE`].
+    /// Its parameters, then [`SECOND_AMPLITUDE`] and [`SECOND_PHASE`], then those of the third wave if there is one.
     pub parameters: &'static [Spec],
 }
 
@@ -18,6 +18,10 @@ pub(super) struct Overtone {
 pub(super) const SECOND_AMPLITUDE: Spec = Spec::new("second_amplitude", Quantity::Torque);
 /// Its phase.
 pub(super) const SECOND_PHASE: Spec = Spec::new("second_phase", Quantity::Phase);
+/// Torque or force of the wave of three times the periods.
+pub(super) const THIRD_AMPLITUDE: Spec = Spec::new("third_amplitude", Quantity::Torque);
+/// Its phase.
+pub(super) const THIRD_PHASE: Spec = Spec::new("third_phase", Quantity::Phase);
 
 impl Effect for Overtone {
     fn id(&self) -> &'static str {
@@ -62,13 +66,13 @@ impl Effect for Overtone {
     fn refines(&self) -> bool {
         true
     }
-    /// Over less than two periods nothing shows to come again, and two waves bend to any force along the travel.
+    /// Over less than two periods nothing shows to come again, and several waves bend to any force along the travel.
     fn shows(&self, [periods, _]: Inner, survey: &Survey) -> bool {
         let (low, high) = survey.travel;
         self.timed() || periods * (high - low) >= 2.0 * survey.motion.turn()
     }
     fn width(&self) -> usize {
-        4
+        self.parameters.len() - 1
     }
     fn inner(&self) -> Option<usize> {
         self.plain.inner()
@@ -86,22 +90,28 @@ impl Effect for Overtone {
             return;
         };
         let (sin, cos) = (number * coordinate(&at)).sin_cos();
-        let twice = [2.0 * sin * cos, cos * cos - sin * sin];
-        let waves = [sin, cos].into_iter().chain(twice);
         let carrier = carrier(&at);
-        out.iter_mut()
-            .zip(waves)
-            .for_each(|(out, wave)| *out = carrier * wave);
+        // Each wave is the one before, turned by the first.
+        let mut wave = [sin, cos];
+        for pair in out.chunks_exact_mut(2) {
+            pair.copy_from_slice(&wave.map(|wave| carrier * wave));
+            wave = [wave[0] * cos + wave[1] * sin, wave[1] * cos - wave[0] * sin];
+        }
     }
     fn named(&self, inner: Inner, c: &[f64], scale: Scale) -> Vec<f64> {
-        let (first, second) = c.split_at(2);
+        let (first, others) = c.split_at(2);
         let mut named = self.plain.named(inner, first, scale);
-        named.extend_from_slice(&self.plain.named(inner, second, scale)[..2]);
+        for other in others.chunks_exact(2) {
+            named.extend_from_slice(&self.plain.named(inner, other, scale)[..2]);
+        }
         named
     }
     fn linear(&self, p: &[f64], scale: Scale) -> (Inner, Vec<f64>) {
-        let (inner, mut c) = self.plain.linear(&p[..3], scale);
-        c.extend(self.plain.linear(&[p[3], p[4], p[2]], scale).1);
+        let (first, others) = p.split_at(3);
+        let (inner, mut c) = self.plain.linear(first, scale);
+        for other in others.chunks_exact(2) {
+            c.extend(self.plain.linear(&[other[0], other[1], first[2]], scale).1);
+        }
         (inner, c)
     }
 }
@@ -109,21 +119,23 @@ impl Effect for Overtone {
 #[cfg(test)]
 mod tests {
     use super::Effect;
-    use crate::effects::cogging::OCTAVE;
+    use crate::effects::cogging::THREE_WAVES;
     use crate::effects::{Motion, Point, Scale};
 
     #[test]
-    fn the_second_wave_has_twice_the_periods() {
+    fn the_other_waves_have_twice_and_three_times_the_periods() {
         let scale = Scale {
             coulomb: 0.0,
             gain: 1.0,
         };
-        let (inner, c) = OCTAVE.linear(&[0.2, 0.4, 7.0, 0.1, -0.3], scale);
+        let (inner, c) = THREE_WAVES.linear(&[0.2, 0.4, 7.0, 0.1, -0.3, 0.05, 1.2], scale);
         let q = 0.83;
-        let mut b = [0.0; 4];
-        OCTAVE.basis(inner, Point::new(Motion::Rotary, q, 1.0, 1.0), &mut b);
+        let mut b = [0.0; 6];
+        THREE_WAVES.basis(inner, Point::new(Motion::Rotary, q, 1.0, 1.0), &mut b);
         let torque: f64 = c.iter().zip(b).map(|(c, b)| c * b).sum();
-        let exact = 0.2 * (7.0 * q + 0.4).sin() + 0.1 * (14.0 * q - 0.3).sin();
+        let exact = 0.2 * (7.0 * q + 0.4).sin()
+            + 0.1 * (14.0 * q - 0.3).sin()
+            + 0.05 * (21.0 * q + 1.2).sin();
         assert!((torque - exact).abs() < 1e-14);
     }
 }

@@ -1,7 +1,8 @@
 //! # What it is
 //! An external torque that is periodic in time, wherever the axis stands: `τ = −amplitude·sin(2π·frequency·t + phase)`, so
 //! that a positive sine pushes in the positive direction. Time counts from the first sample of the recording. With a
-//! `second_amplitude` and a `second_phase` a wave of twice the frequency comes on top.
+//! `second_amplitude` and a `second_phase` a wave of twice the frequency comes on top, with a `third_amplitude` and a `third_phase`
+//! one of three times the frequency, as where a force goes on and off.
 //!
 //! # What it looks like in a recording
 //! A hum of one frequency in the residual, the same at every position and speed.
@@ -21,7 +22,7 @@
 //! M. Bodson, S. C. Douglas, Adaptive algorithms for the rejection of sinusoidal disturbances with unknown frequency,
 //! Automatica 33(12), 1997; A. Schuster, On the investigation of hidden periodicities, 1898 (the periodogram).
 
-use super::overtone::{Overtone, SECOND_AMPLITUDE, SECOND_PHASE};
+use super::overtone::{Overtone, SECOND_AMPLITUDE, SECOND_PHASE, THIRD_AMPLITUDE, THIRD_PHASE};
 use super::{Confusion, Effect, Inner, Motion, Quantity, Scale, Search, Spec, Wave, cartesian, polar};
 use crate::format::quantity;
 
@@ -36,6 +37,12 @@ const WAVE: [Spec; 3] = [
 /// With a wave of twice the periods beside.
 pub(super) const OCTAVE: Overtone =
     Overtone { plain: &PeriodicDisturbance, parameters: &[WAVE[0], WAVE[1], WAVE[2], SECOND_AMPLITUDE, SECOND_PHASE] };
+
+/// With one of three times the periods as well.
+pub(super) const THREE_WAVES: Overtone = Overtone {
+    plain: &PeriodicDisturbance,
+    parameters: &[WAVE[0], WAVE[1], WAVE[2], SECOND_AMPLITUDE, SECOND_PHASE, THIRD_AMPLITUDE, THIRD_PHASE],
+};
 
 impl Effect for PeriodicDisturbance {
     fn id(&self) -> &'static str {
@@ -79,7 +86,7 @@ impl Effect for PeriodicDisturbance {
         Search::Line
     }
     fn other_forms(&self) -> &'static [&'static dyn Effect] {
-        &[&OCTAVE]
+        &[&OCTAVE, &THREE_WAVES]
     }
     fn width(&self) -> usize {
         2

@@ -76,7 +76,7 @@ fn the_other_form_of_an_effect_has_its_id_and_a_parameter_of_its_own() {
         .iter()
         .flat_map(|e| e.other_forms().iter().map(move |form| (e, form)))
         .collect();
-    assert_eq!(forms.len(), 15);
+    assert_eq!(forms.len(), 17);
     for (effect, form) in forms {
         assert_eq!(effect.id(), form.id());
         let known = |name: &str| effect.parameters().iter().any(|spec| spec.name == name);

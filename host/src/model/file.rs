@@ -399,8 +399,15 @@ fn term(effect: &'static dyn Effect, table: &dyn TableLike) -> Checked<Term> {
         let mut names = form.parameters().iter().map(|s| s.name);
         names.any(|name| !own(name) && table.contains_key(name))
     };
-    let mut others = effect.other_forms().iter().copied();
-    let effect = others.find(only_its).unwrap_or(effect);
+    let has_all = |form: &&dyn Effect| {
+        let known = |key: &str| form.parameters().iter().any(|s| s.name == key);
+        table.iter().all(|(key, _)| known(key))
+    };
+    let others: Vec<_> = (effect.other_forms().iter().copied())
+        .filter(only_its)
+        .collect();
+    let meant = others.iter().copied().find(has_all);
+    let effect = meant.or(others.first().copied()).unwrap_or(effect);
     let names: Vec<&str> = effect.parameters().iter().map(|s| s.name).collect();
     only(table, &section, &names)?;
     let read = |spec: &effects::Spec| {

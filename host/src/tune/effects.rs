@@ -36,9 +36,9 @@ pub(super) fn of(model: &Model, drive: &Drive, count: f64) -> Result<Effects<f64
                 let periods = value(2) / model.motion.turn();
                 let first = harmonic(periods, count, value(0), value(1));
                 place(&mut effects, &mut waves, first)?;
-                if term.parameters.len() > 3 {
-                    let second = harmonic(2.0 * periods, count, value(3), value(4));
-                    place(&mut effects, &mut waves, second)?;
+                for (k, multiple) in (3..term.parameters.len()).step_by(2).zip([2.0, 3.0]) {
+                    let overtone = harmonic(multiple * periods, count, value(k), value(k + 1));
+                    place(&mut effects, &mut waves, overtone)?;
                 }
             }
             "position-dependent-friction" => effects.friction = friction_wave(term, count),
