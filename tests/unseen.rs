@@ -880,8 +880,8 @@ fn sense_velocity_alone(folder: &Folder, seed: u64, [drive, tacho]: [f64; 2]) {
     folder.write("seen.csv", seen.join("\n"));
 }
 
-/// Noise of a measured velocity makes that of the acceleration, not that of a position: windows were so narrow that half of the inertia
-/// was lost in it, and what it does to rows was named compliance.
+/// Noise of a measured velocity makes that of the acceleration, not that of a position: windows were so narrow that a
+/// clean axis was unknown, and others lost an eighth of their inertia or had compliance.
 #[test]
 fn a_fast_axis_is_told_by_a_noisy_velocity() {
     const TRUTH: &str = "[plant]\nmotion = \"rotary\"\ninertia = 0.003\n[friction]\nmodel = \"coulomb-viscous\"\ncoulomb = 0.05\nviscous = 0.0008\n";

@@ -94,7 +94,7 @@ impl Noise {
         law.on(problem, residual, seen)
     }
 
-    /// Sends draws of white noise of the encoder's size through the same windows and the same whitening.
+    /// Sends draws of noise like the encoder's through the same windows and the same whitening.
     fn measure_encoder_energy(&self, problem: &Problem, seen: &[Option<usize>]) -> f64 {
         const DRAWS: usize = 4;
         let mut rng = ChaCha8Rng::seed_from_u64(1);

@@ -99,8 +99,8 @@ pub fn diagnose(
     elsewhere.tell(told);
     elsewhere.diagnosis.warnings.push(check::unresolved());
     let warnings = &elsewhere.diagnosis.warnings;
-    let told = (&[][..], &elsewhere.diagnosis.fit);
-    elsewhere.diagnosis.text = verdict_sentence(Verdict::Adequate, told, None, warnings);
+    let nothing = (&[][..], &elsewhere.diagnosis.fit);
+    elsewhere.diagnosis.text = verdict_sentence(Verdict::Adequate, nothing, None, warnings);
     Ok(elsewhere)
 }
 
@@ -867,6 +867,24 @@ fn even_with(findings: &[Finding]) -> String {
     format!(", even with {} in", names(findings))
 }
 
+/// What to say where free runs alone speak against a model.
+fn unpredicted_sentence(findings: &[Finding], fit: &BeforeAfter) -> String {
+    let (before, after) = (&fit.before.held_out, &fit.after.held_out);
+    if before.halves(after) && !confirm::hopeless(&fit.after.train, after) {
+        let percent = |part: &fit::Error| format::significant(100.0 * part.nrmse, 3);
+        return format!(
+            "The last 30 % of the recording, which no fit has seen, speak against what the rest says: with {} in, the model errs there by {} %, without by {} %. What acts is much like that and yet another thing; record again so that all levels of drive, speed and position come early and late.",
+            names(findings),
+            percent(after),
+            percent(before)
+        );
+    }
+    let even = even_with(findings);
+    format!(
+        "The model hardly predicts the motion{even}, and the recording is too noisy or too uniform to tell what is left out: record again with both directions, several speeds and reversals."
+    )
+}
+
 fn verdict_sentence(
     verdict: Verdict,
     (findings, fit): (&[Finding], &BeforeAfter),
@@ -897,20 +915,7 @@ fn verdict_sentence(
         }
         Verdict::Unknown => {
             let Some(unexplained) = remains else {
-                let even = even_with(findings);
-                let (before, after) = (&fit.before.held_out, &fit.after.held_out);
-                if before.halves(after) && !confirm::hopeless(&fit.after.train, after) {
-                    let percent = |part: &fit::Error| format::significant(100.0 * part.nrmse, 3);
-                    return format!(
-                        "The last 30 % of the recording, which no fit has seen, speak against what the rest says: with {} in, the model errs there by {} %, without by {} %. What acts is much like that and yet another thing; record again so that all levels of drive, speed and position come early and late.",
-                        names(findings),
-                        percent(after),
-                        percent(before)
-                    );
-                }
-                return format!(
-                    "The model hardly predicts the motion{even}, and the recording is too noisy or too uniform to tell what is left out: record again with both directions, several speeds and reversals."
-                );
+                return unpredicted_sentence(findings, fit);
             };
             let coordinate = unexplained
                 .coordinates

@@ -157,18 +157,11 @@ impl Workbench {
             }
             found.push(best);
         }
-        let Some(given) = given else {
-            return Some(Starts {
-                models: best_of(&found),
-                stiff: stiff(model, bristles, stiffness, &survey),
-            });
+        let (models, stiff) = match given {
+            Some(given) => (nearest(found, given, bristles, stiffness), None),
+            None => (best_of(&found), stiff(model, bristles, stiffness, &survey)),
         };
-        Some(Starts {
-            models: nearest(found, given, |model| {
-                &mut model.terms[bristles].parameters[stiffness].value
-            }),
-            stiff: None,
-        })
+        Some(Starts { models, stiff })
     }
 
     /// The refinement of a model without its bristles, of which nothing shows: these are stiff ones, and their errors have no bound.
@@ -216,11 +209,13 @@ impl Workbench {
 fn nearest(
     grid: Vec<Option<(f64, Model)>>,
     given: f64,
-    stiffness: impl Fn(&mut Model) -> &mut Option<f64>,
+    bristles: usize,
+    stiffness: usize,
 ) -> Vec<Model> {
     let mut models: Vec<(f64, Model)> = (grid.into_iter().flatten())
         .map(|(_, mut model)| {
-            let found = stiffness(&mut model).replace(given).unwrap_or(given);
+            let value = &mut model.terms[bristles].parameters[stiffness].value;
+            let found = value.replace(given).unwrap_or(given);
             ((found / given).ln().abs(), model)
         })
         .collect();

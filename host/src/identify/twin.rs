@@ -146,11 +146,7 @@ const HALVINGS: usize = 5;
 /// controller that answers each with a push, they may show more noise than the sensor has. There it is as much as makes
 /// the readings of a twin as rough as those of the recording.
 pub(super) fn white(model: &Model, recording: &Recording, track: &Track, load: f64) -> Option<f64> {
-    let shown = match recording.q {
-        Some(_) => track.position_noise,
-        None => track.position_noise / track.period,
-    };
-    let most = (shown.powi(2) - track.quantum.powi(2) / 12.0)
+    let most = (track.sensor_noise().powi(2) - track.quantum.powi(2) / 12.0)
         .max(0.0)
         .sqrt();
     if track.quantum == 0.0 || most == 0.0 {

@@ -231,12 +231,8 @@ impl Model {
                 "is not estimated; write L/R in s, or leave it out, and a diagnosis names the lag if it shows",
             ),
         ];
-        let open = |key: &str| {
-            self.constants
-                .iter()
-                .any(|c| c.key == key && c.parameter.value.is_none())
-        };
-        let (key, what) = WHAT.into_iter().find(|(key, _)| open(key))?;
+        let open = |(key, _): &(&str, &str)| self.constant(key).is_nan();
+        let (key, what) = WHAT.into_iter().find(open)?;
         Some((key, format!("{key} {what}")))
     }
 }

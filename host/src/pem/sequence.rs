@@ -53,9 +53,7 @@ impl<'a> Sequence<'a> {
             },
             repeats: repeats(readings),
             restarts: restarts(&recording.t[..count], GAP * track.period, horizon),
-            // Of a measured velocity the track knows the noise of its running sum.
-            noise: (track.position_noise / if positions { 1.0 } else { track.period })
-                .max(SMALLEST * power.sqrt()),
+            noise: track.sensor_noise().max(SMALLEST * power.sqrt()),
             period: track.period,
             speed: power.sqrt(),
         }

@@ -19,14 +19,13 @@ impl Track {
     /// O. V. Lepski, Theory of Probability and its Applications 35, 1991). Where it does not fit, towards the ends, a narrower
     /// one or the value of a node further in takes its place, whichever errs less.
     pub fn acceleration(&self, q: &[f64]) -> Vec<f64> {
-        let noise = self.position_noise.powi(2);
         let widest = (WIDEST / self.period).min(0.25 * q.len() as f64).max(2.0) as usize;
         let mut all: Vec<Tried> = Vec::new();
         let mut reach = 2;
         while reach <= widest {
             let mut tried = Tried::new(q, reach, self.period);
             let lost = all.last().map_or(0.0, |narrower| {
-                let seen = tried.differs(narrower, noise, self.summed);
+                let seen = tried.differs(narrower, self);
                 let ratio = narrower.reach as f64 / reach as f64;
                 seen.max(0.0) / (1.0 - ratio * ratio).powi(2)
             });
@@ -37,6 +36,12 @@ impl Track {
         let by_risk = |a: &usize, b: &usize| all[*a].risk.total_cmp(&all[*b].risk);
         let best = (0..all.len()).min_by(by_risk).unwrap_or(0);
         to_the_ends(&all[..=best], q.len())
+    }
+
+    /// RMS of the noise of the sensor, in the unit of what it measures.
+    pub fn sensor_noise(&self) -> f64 {
+        // Of a measured velocity, the noise of its running sum is known.
+        self.position_noise / if self.summed { self.period } else { 1.0 }
     }
 
     /// Noise like that of the sensor at every node, from draws of unit variance.
@@ -53,7 +58,7 @@ impl Track {
     /// Variance that the noise of the sensor makes in a dot product with positions. Those that are sums of a measured velocity have its
     /// running sum.
     pub(super) fn noise_under(&self, weights: &[f64]) -> f64 {
-        self.position_noise.powi(2) * energy(weights, self.summed)
+        self.position_noise.powi(2) * energy(weights.iter(), self.summed)
     }
 }
 
@@ -112,15 +117,15 @@ impl Tried {
         }
     }
 
-    /// Mean square of the difference from a narrower one, less what noise of some variance adds to it.
-    fn differs(&self, narrower: &Self, noise: f64, summed: bool) -> f64 {
+    /// Mean square of the difference from a narrower one, less what the noise of a track adds to it.
+    fn differs(&self, narrower: &Self, track: &Track) -> f64 {
         let inset = self.reach - narrower.reach;
         let mut between = self.weights.clone();
         let inner = between[inset..].iter_mut().zip(&narrower.weights);
         inner.for_each(|(own, other)| *own -= other);
         let pairs = self.means.iter().zip(&narrower.means[inset..]);
         let squares: f64 = pairs.map(|(a, b)| (a - b).powi(2)).sum();
-        squares / self.means.len() as f64 - noise * energy(&between, summed)
+        squares / self.means.len() as f64 - track.noise_under(&between)
     }
 }
 
@@ -137,9 +142,9 @@ fn make_exact(weights: &mut [f64], period: f64) {
 }
 
 /// Variance of a dot product with white noise of unit variance, or with its running sum.
-fn energy(weights: &[f64], summed: bool) -> f64 {
+pub(super) fn energy<'a>(weights: impl DoubleEndedIterator<Item = &'a f64>, summed: bool) -> f64 {
     let mut tail = 0.0;
-    let effective = weights.iter().rev().map(|w| {
+    let effective = weights.rev().map(|w| {
         tail += w;
         if summed { tail } else { *w }
     });

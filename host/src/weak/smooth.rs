@@ -4,6 +4,8 @@ use std::ops::Range;
 
 use nalgebra::DMatrix;
 
+use super::acceleration::energy;
+
 /// Derivative filter over `2·half + 1` samples; exact for cubics, also at the ends of the recording.
 pub(super) struct Differentiator {
     half: usize,
@@ -52,13 +54,7 @@ impl Differentiator {
 
     /// The same as in the middle for samples that are running sums of unit white noise.
     pub(super) fn summed_noise_gain(&self) -> f64 {
-        let mut tail = 0.0;
-        let weights = self.weights.row(self.half);
-        let squares = weights.iter().rev().map(|w| {
-            tail += w;
-            tail * tail
-        });
-        squares.sum::<f64>().sqrt()
+        energy(self.weights.row(self.half).iter(), true).sqrt()
     }
 
     /// Derivative of `x` per sampling interval, at every sample.

@@ -86,13 +86,8 @@ impl NoiseDraws {
 
 /// The recording with as much white noise again as its encoder has.
 fn noisier(recording: &Recording, track: &Track, rng: &mut ChaCha8Rng) -> Recording {
-    // Uniform on ±√3 has unit variance. The noise of a velocity is held as that of its integral over a period.
-    let size = if recording.q.is_some() {
-        track.position_noise
-    } else {
-        track.position_noise / track.period
-    };
-    let amplitude = 3f64.sqrt() * size;
+    // Uniform on ±√3 has unit variance.
+    let amplitude = 3f64.sqrt() * track.sensor_noise();
     let mut add = |x: &f64| x + amplitude * rng.random_range(-1.0..=1.0);
     let mut noisier = recording.clone();
     match (&mut noisier.q, &mut noisier.v) {
