@@ -895,6 +895,9 @@ fn a_fast_axis_is_told_by_a_noisy_velocity() {
     folder.done("diagnose seen.csv --model axis.toml --json out.json");
     let json = folder.json("out.json");
     assert_eq!(json["verdict"], "adequate", "{}", json["text"]);
+    // The widest of those that are tried: the noise is most of what rows leave.
+    let half_width = json["half_width"][0].as_f64().expect("a half-width");
+    assert!((half_width - 0.2).abs() < 1e-9, "{half_width}");
     for (name, truth) in [("inertia", 0.003), ("coulomb", 0.05), ("viscous", 0.0008)] {
         let off = value(&json["baseline"], name) / truth - 1.0;
         assert!(off.abs() < 0.01, "{name}: {off}");
