@@ -25,7 +25,7 @@ impl<T: Scalar> Weights<T> {
         let mut acceleration = [T::ZERO; INTERVALS + 1];
         let mut hold = [T::ZERO; INTERVALS];
         kernel.acceleration(&mut acceleration);
-        // Where a window starts must not matter: rounding and the trapezoidal rule leave a rest, which goes to the middle.
+        // Where a window starts must not matter: rounding leaves a rest, which goes to the middle.
         let rest = acceleration.iter().fold(T::ZERO, |sum, &w| sum + w);
         if let Some(middle) = acceleration.get_mut(REACH) {
             *middle -= rest;

@@ -12,7 +12,7 @@ use crate::weak::{Part, Track};
 /// Half-widths of test functions that are tried, s. The narrowest passes motion up to 7 Hz (−3 dB), the band in which an
 /// axis is a rigid body and its drive an ideal one; narrower windows bring in current loops and resonances.
 const HALF_WIDTHS: [f64; 4] = [0.07, 0.1, 0.14, 0.2];
-/// Samples under half a test function at least: below, the trapezoidal sums lose their accuracy.
+/// Samples under half a test function at least: fewer hardly resolve what a velocity does within a window.
 const FEWEST_SAMPLES: usize = 8;
 /// Encoder noise in `∫q φ̈` falls with the width to the power −5/2, everything else with −1/2 at most. Where it makes up
 /// this share of the residual variance or less, widening gains little precision and loses resolution in time.

@@ -105,7 +105,6 @@ impl Tried {
     fn new(q: &[f64], reach: usize, period: f64) -> Self {
         let mut weights = vec![0.0; 2 * reach + 1];
         Kernel::new(reach, period).acceleration(&mut weights);
-        make_exact(&mut weights, period);
         let length = weights.len();
         let view = |x| DVectorView::from_slice(x, length);
         let means = q.windows(length).map(|q| view(q).dot(&view(&weights)));
@@ -127,18 +126,6 @@ impl Tried {
         let squares: f64 = pairs.map(|(a, b)| (a - b).powi(2)).sum();
         squares / self.means.len() as f64 - track.noise_under(&between)
     }
-}
-
-/// Makes weights exact for parabolas, which the sum in place of the integral is not where few samples lie under it.
-fn make_exact(weights: &mut [f64], period: f64) {
-    let mean = weights.iter().sum::<f64>() / weights.len() as f64;
-    weights.iter_mut().for_each(|w| *w -= mean);
-    let middle = (weights.len() / 2) as f64;
-    let parabola = |k: usize| 0.5 * ((k as f64 - middle) * period).powi(2);
-    let sum: f64 = (weights.iter().enumerate())
-        .map(|(k, w)| w * parabola(k))
-        .sum();
-    weights.iter_mut().for_each(|w| *w /= sum);
 }
 
 /// Variance of a dot product with white noise of unit variance, or with its running sum.
