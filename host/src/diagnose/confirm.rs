@@ -121,8 +121,9 @@ pub(super) fn confirmed(
 
 /// The effects that keep a rival which predicts better from being selected: free runs with the rival in the place of an effect err
 /// by less than half of the squared error of its own in the held-out part, and over the whole as well. Where travel, speed or
-/// drive differ from those of the training part, names part that explain much the same there. Free runs that are [`HOPELESS`] predict
-/// nothing. None if no rival is better.
+/// drive differ from those of the training part, names part that explain much the same there. So does a rival that predicts as well
+/// with fewer parameters and explains the same but for less than counts: such evidence is of errors in what the columns are made
+/// of. Free runs that are [`HOPELESS`] predict nothing. None if no rival is better.
 fn outpredicted(
     bench: &Workbench,
     before: &Model,
@@ -132,6 +133,13 @@ fn outpredicted(
     let run = |model: &Model| fit::parts(model, recordings, &bench.problem.tracks);
     let better = |a: &Parts, b: &Parts| a.held_out().halves(&b.held_out()) && a.halves(b);
     let predicts = |run: &Parts| !hopeless(&run.train(), &run.held_out());
+    let as_well = |a: fit::Error, b: fit::Error| a.nrmse <= FREE_RUN_TOLERANCE * b.nrmse;
+    let simpler = |model: &Model, run: &Parts| {
+        model.parameters().len() < after.parameters().len()
+            && as_well(run.train(), with_it.train())
+            && as_well(run.held_out(), with_it.held_out())
+            && !leftover::differs(bench, after, model)
+    };
     for (k, own) in selected.iter().enumerate() {
         let term = before.terms.len() + k;
         let lacking = select::without(after, term);
@@ -139,21 +147,29 @@ fn outpredicted(
             let instead = select::with_trial_at(term, &lacking, rival);
             // What cannot be fitted predicts nothing.
             let fitted = bench.estimate(&instead).ok();
-            let run = fitted.map(|(instead, _)| run(&instead)).transpose()?;
-            Ok(run.map(|run| (rival.effect.id(), run)))
+            let run = fitted.map(|(instead, _)| Ok((run(&instead)?, instead)));
+            let run: Option<(Parts, Model)> = run.transpose()?;
+            Ok(run.map(|(run, model)| {
+                let simpler = simpler(&model, &run);
+                (rival.effect.id(), run, simpler)
+            }))
         };
         let rivals: Vec<&Trial> = own.rivals(&lacking).collect();
         let rivals: Result<Vec<_>> = rivals.into_par_iter().map(instead).collect();
-        let rivals: Vec<(&str, Parts)> = rivals?.into_iter().flatten().collect();
-        let squares = |(_, run): &(&str, Parts)| run.squares();
+        let rivals: Vec<(&str, Parts, bool)> = rivals?.into_iter().flatten().collect();
+        let squares = |(_, run, _): &(&str, Parts, bool)| run.squares();
         let best = (rivals.iter()).min_by(|a, b| squares(a).total_cmp(&squares(b)));
-        if let Some((id, best)) = best.filter(|(_, best)| predicts(best) && better(best, with_it)) {
+        let best = best.filter(|(_, best, _)| predicts(best) && better(best, with_it));
+        if let Some((id, best, _)) = best {
             // Those with more evidence than the best would be next.
-            let before = rivals.iter().take_while(|(other, _)| other != id);
+            let before = rivals.iter().take_while(|(other, ..)| other != id);
             let worse = before
-                .filter(|(_, run)| better(best, run))
-                .map(|(id, _)| *id);
+                .filter(|(_, run, _)| better(best, run))
+                .map(|(id, ..)| *id);
             return Ok([own.trial.effect.id()].into_iter().chain(worse).collect());
+        }
+        if (rivals.iter()).any(|(_, run, simpler)| *simpler && predicts(run)) {
+            return Ok(vec![own.trial.effect.id()]);
         }
     }
     Ok(Vec::new())
