@@ -356,6 +356,19 @@ pub fn window_end(t: &[f64], first: usize, horizon: f64) -> usize {
         .max(first + 1)
 }
 
+/// Time constants of a lag after which less than a hundredth is left of what came before.
+const PASSED: f64 = 5.0;
+
+/// The samples of a window from which on all that drives the axis has been recorded: not those at the beginning of a recording at
+/// which a delayed or lagging input from before it still acts, as far as the first half of the window.
+fn driven(axis: &Axis, t: &[f64], samples: Range<usize>) -> Range<usize> {
+    let path = &axis.path;
+    let told = t[0] + path.delay + PASSED * path.lag;
+    let first = t.partition_point(|&at| at < told);
+    let middle = samples.start.midpoint(samples.end);
+    samples.start.max(first.min(middle))..samples.end
+}
+
 /// A free run from the measured state over some samples.
 pub fn window(
     axis: &Axis,
@@ -364,6 +377,7 @@ pub fn window(
     along: &Along,
     samples: Range<usize>,
 ) -> Sums {
+    let samples = driven(axis, &recording.t, samples);
     let positions = recording.q.is_some();
     let measured = recording.measured();
     let noise = if positions {
