@@ -258,8 +258,8 @@ fn what_makes_no_sense_is_refused() {
     }
 }
 
-/// What an encoder's counts do to velocity, and smoothing to friction near standstill, makes bristles look stiffer than they
-/// are: most of that is taken off.
+/// What an encoder's counts do to velocity, and smoothing to friction near standstill, makes bristles that yield within a count look
+/// softer or stiffer than they are: most of that is taken off.
 #[test]
 fn the_bias_of_measured_regressors_is_taken_off() {
     const DAHL: &str = "[plant]
@@ -269,7 +269,7 @@ inertia = 0.01
 model = \"dahl\"
 coulomb = 0.2
 viscous = 0.02
-bristle_stiffness = 60.0
+bristle_stiffness = 240.0
 ";
     let unknown = |line: &str| match line.split_once(" = ") {
         Some((key, value)) if value.parse::<f64>().is_ok() => format!("{key} = \"?\"\n"),
@@ -280,9 +280,9 @@ bristle_stiffness = 60.0
         let labels = model.labels();
         let at = labels.iter().position(|l| l.name == "bristle_stiffness");
         let value = model.parameters()[at.unwrap()].value;
-        (value.unwrap() / 60.0 - 1.0).abs()
+        value.unwrap() / 240.0 - 1.0
     };
-    let errors = [1, 2, 3, 4, 5].map(|seed| {
+    let errors = [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12].map(|seed| {
         let excitation = Excitation {
             shape: Shape::Multisine,
             amplitude: 0.9,
@@ -297,12 +297,8 @@ bristle_stiffness = 60.0
         let unbiased = bench.unbiased(found, &recordings).unwrap();
         [plain, relative_error(&unbiased.model)]
     });
-    let typical = |which: usize| {
-        let mut sizes = errors.map(|e| e[which]);
-        sizes.sort_by(f64::total_cmp);
-        sizes[2]
-    };
-    assert!(typical(1) < 0.5 * typical(0), "{errors:?}");
+    let squares = |which: usize| errors.iter().map(|e| e[which].powi(2)).sum::<f64>();
+    assert!(squares(1) < 0.25 * squares(0), "{errors:?}");
 }
 
 /// Bristles that yield at the sliding level have no Stribeck effect, so the static level stops at its bound. The other
@@ -366,7 +362,7 @@ fn what_is_not_there_stays_within_reach() {
         time["value"].as_f64().is_some_and(|t| t < 1.01 * slowest),
         "{drift}"
     );
-    assert_eq!(time["status"], "at a bound", "{drift}");
+    assert_ne!(time["status"], "identified", "{drift}");
     let fall = found("stribeck", 2);
     assert_eq!(
         fall["stribeck.static"]["value"], fall["coulomb"]["value"],
