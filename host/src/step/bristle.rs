@@ -49,16 +49,14 @@ pub(super) fn advance<const N: usize>(
         drive,
         h,
     };
-    let step = if h * rate <= CONTRACTS {
-        Contact::iterated
-    } else {
-        Contact::bracketed
-    };
     // Where the middle of a step will lie is guessed from the one before.
     let mut half = [0.0; N];
     (0..count as usize).fold(from, |now, _| {
-        let guess = std::array::from_fn(|k| now.x[k] + half[k]);
-        let middle = step(&contact, now, guess);
+        let middle = if h * rate <= CONTRACTS {
+            contact.iterated(now, std::array::from_fn(|k| now.x[k] + half[k]))
+        } else {
+            contact.bracketed(now)
+        };
         half = std::array::from_fn(|k| middle[k] - now.x[k]);
         Memory {
             x: std::array::from_fn(|k| middle[k] + half[k]),
@@ -142,7 +140,7 @@ impl<P> Contact<'_, P> {
 
     /// The middle of a substep by the friction that brings about itself: the more of it, the slower the mechanism and the less
     /// of it, so that any guess and what comes of it lie on both sides.
-    fn bracketed<const N: usize>(&self, Memory { x, z }: Memory<N>, _guess: [f64; N]) -> [f64; N]
+    fn bracketed<const N: usize>(&self, Memory { x, z }: Memory<N>) -> [f64; N]
     where
         P: Mechanism<N>,
     {
@@ -184,7 +182,7 @@ mod tests {
                 drive,
                 h: 1e-4,
             };
-            let middle = contact.bracketed(Memory { x: [0.0, v], z }, [0.0, v]);
+            let middle = contact.bracketed(Memory { x: [0.0, v], z });
             let friction = contact.friction(z, &middle);
             let inertial = 2.0 * plant.inertia() * (middle[1] - v) / contact.h;
             let off = plant.balance(drive, &middle) - friction - inertial;
