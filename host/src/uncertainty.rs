@@ -58,15 +58,16 @@ pub fn assess(model: &mut Model, free: &[usize], normal: &Normal) {
     }
 }
 
-/// Adds to the standard error of a parameter what it may be off by for another reason. One that was known, and that this leaves
-/// open altogether, is not excited.
+/// Adds to the standard error of a parameter what it may be off by for another reason. One that was known, be it as next to nothing,
+/// and that this leaves open altogether, is not excited.
 pub fn add(parameter: &mut Parameter, off: f64) {
     let (Some(value), Some(se)) = (parameter.value, parameter.se) else {
         return;
     };
     let more = se.hypot(off);
     parameter.se = Some(more);
-    if value.abs() >= KNOWN * se && value.abs() < TOLD * more {
+    let as_nothing = parameter.status == Status::Identified && more >= KNOWN * se;
+    if (as_nothing || value.abs() >= KNOWN * se) && value.abs() < TOLD * more {
         parameter.status = Status::NotExcited;
     }
 }

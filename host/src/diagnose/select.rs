@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use rayon::prelude::*;
 
 use super::trial::{Base, Trial};
-use super::{confirm, forms, pairs};
+use super::{confirm, forms, leftover, pairs};
 use crate::effects::{self, Effect};
 use crate::error::Result;
 use crate::fit::{self, Parts};
@@ -153,6 +153,12 @@ pub(super) fn select(
             let found = bench.or_anew(identify::reopened(&next), (next, chi2));
             (next, _) = bench.or_anew(identify::reopened_throughout(&found.0), found);
         }
+        // Beside what explains most, next to nothing is evident, too, and may speak for another name of the most.
+        if !leftover::differs(bench, &next, &without(&next, next.terms.len() - 1)) {
+            unfit.push(id);
+            continue;
+        }
+        unfit.clear();
         selected.push(found);
         // What narrow windows show says nothing of the others.
         current = if scope.fast {

@@ -25,7 +25,7 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::Workbench;
+use super::{Workbench, keep_in_reach};
 use super::twin::{self, Draw, Twin};
 use super::way::Way;
 use crate::model::{Causality, Model};
@@ -81,6 +81,7 @@ impl Workbench {
             return None;
         }
         let mut settled = model.clone();
+        keep_in_reach(&self.problem, &mut settled);
         let taken = |k: &usize| model.parameters()[*k].se == Some(f64::INFINITY);
         let taken: Vec<usize> = (refine::free_parameters(model).into_iter())
             .filter(taken)
@@ -109,6 +110,7 @@ impl Workbench {
         }
         let pairs = settled.parameters_mut().into_iter();
         for (k, (settled, refined)) in pairs.zip(model.parameters()).enumerate() {
+            (settled.min, settled.max) = (refined.min, refined.max);
             if taken.contains(&k) {
                 *settled = refined.clone();
             } else if let (Some(after), Some(before)) = (settled.value, refined.value) {

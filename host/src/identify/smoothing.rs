@@ -1,6 +1,6 @@
 //! What the smoothing of velocity does to estimates.
 
-use super::Workbench;
+use super::{Workbench, keep_in_reach};
 use crate::model::Model;
 use crate::problem::Problem;
 use crate::recording::Recording;
@@ -35,6 +35,7 @@ impl Workbench {
         blocks.iter().flatten().next()?;
         let noise = (self.noise.law).on(problem, &system::residual(problem, model), blocks);
         let mut model = model.clone();
+        keep_in_reach(problem, &mut model);
         refine::refine(problem, &mut model, &noise, blocks);
         Some(model)
     }
