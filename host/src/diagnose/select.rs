@@ -154,7 +154,7 @@ pub(super) fn select(
             (next, _) = bench.or_anew(identify::reopened_throughout(&found.0), found);
         }
         // Beside what explains most, next to nothing is evident, too, and may speak for another name of the most.
-        if !leftover::differs(bench, &next, &without(&next, next.terms.len() - 1)) {
+        if !selected.is_empty() && !leftover::differs(bench, &next, &current) {
             unfit.push(id);
             continue;
         }

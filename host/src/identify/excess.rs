@@ -96,6 +96,7 @@ impl Workbench {
                 at: (number as f64 + 0.5) / TWINS as f64,
                 white: 0.0,
                 load,
+                off_levels: true,
                 seed: number,
                 load_seed: number,
             };

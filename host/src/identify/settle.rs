@@ -25,9 +25,9 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::{Workbench, keep_in_reach};
 use super::twin::{self, Draw, Twin};
 use super::way::Way;
+use super::{Workbench, keep_in_reach};
 use crate::model::{Causality, Model};
 use crate::noise::Noise;
 use crate::problem::{Problem, Row};
@@ -247,6 +247,7 @@ impl Workbench {
                 at: (draw as f64 + 0.5) / DRAWS as f64,
                 white: 0.0,
                 load: if draw.is_multiple_of(2) { load } else { -load },
+                off_levels: false,
                 seed: draw as u64,
                 load_seed: draw as u64 / 2,
             });

@@ -5,7 +5,11 @@
 //! constant input differ from their mean, `J·q̈ + F = k·(u − share·n)`: where the `share`, estimated beside model and generic
 //! functions, is certainly nearer to one than to none, the axis has not followed `n`, and the mean takes the place of the readings.
 
+use std::collections::HashMap;
 use std::ops::Range;
+
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
 use super::{Options, Workbench, with_starts};
 use crate::effects::Path;
@@ -86,6 +90,27 @@ pub(super) fn add_levels(model: &mut Model, recordings: &[Recording]) {
             uncertainty::add(parameter, off);
         }
     }
+}
+
+/// What the levels that were taken for readings may err by, drawn for each sample and the same for all of a level: of `N` readings with
+/// noise `σ`, `σ/√N`. `None` where none were.
+pub(super) fn errors_of_levels(recording: &Recording, seed: u64) -> Option<Vec<f64>> {
+    let readings = recording.readings.as_ref()?.iter().zip(&recording.u);
+    // By its bits: readings of one level have the very same one in their place.
+    let mut levels: HashMap<u64, (f64, f64)> = HashMap::new();
+    for (reading, level) in readings.filter(|(reading, level)| reading != level) {
+        let (count, squares) = levels.entry(level.to_bits()).or_default();
+        *count += 1.0;
+        *squares += (reading - level).powi(2);
+    }
+    let error = |level: &f64| {
+        let Some((count, squares)) = levels.get(&level.to_bits()) else {
+            return 0.0;
+        };
+        let mut rng = ChaCha8Rng::seed_from_u64(seed ^ level.to_bits());
+        squares.sqrt() / count * 3f64.sqrt() * rng.random_range(-1.0..=1.0)
+    };
+    Some(recording.u.iter().map(error).collect())
 }
 
 /// A signal with the mean of each stretch in the place of the readings of one level, and the mean of all of those that are alike.

@@ -6,6 +6,7 @@ use nalgebra::{DMatrix, DVector};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::steady;
 use crate::fit::measured_state;
 use crate::model::Model;
 use crate::plant;
@@ -34,6 +35,8 @@ pub(super) struct Draw {
     pub white: f64,
     /// RMS of the load in N·m or N, drawn for every sample; that of a negative one is the opposite.
     pub load: f64,
+    /// Whether what drives it differs from levels that were taken for readings by what these err by.
+    pub off_levels: bool,
     /// Of the noise of the sensors.
     pub seed: u64,
     /// Of the load.
@@ -80,6 +83,9 @@ impl Twin {
     ) -> Option<Self> {
         let load = draw.map_or(0.0, |draw| draw.load);
         let mut rng = ChaCha8Rng::seed_from_u64(draw.map_or(0, |draw| draw.load_seed));
+        let off_levels = draw.filter(|draw| draw.off_levels);
+        let off = off_levels.and_then(|draw| steady::errors_of_levels(recording, draw.load_seed));
+        let gain = model.gain.value.unwrap_or(1.0);
         let mut plant = plant::new(model).ok()?;
         let authority = plant.authority();
         let omega = TAU * FOLLOWS;
@@ -103,7 +109,8 @@ impl Twin {
             if k + 1 < t.len() {
                 // A window sums hundreds, so all that counts is the variance, which is one here.
                 let unit = 3f64.sqrt() * rng.random_range(-1.0..=1.0);
-                plant.advance(t, &u, k, load * unit);
+                let off = off.as_ref().map_or(0.0, |off| gain * off[k]);
+                plant.advance(t, &u, k, load * unit + off);
             }
         }
         Some(Self { u, states, seen })
@@ -156,6 +163,7 @@ pub(super) fn white(model: &Model, recording: &Recording, track: &Track, load: f
         at: 0.5,
         white,
         load,
+        off_levels: false,
         seed: 0,
         load_seed: 0,
     };
