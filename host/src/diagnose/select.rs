@@ -140,8 +140,11 @@ pub(super) fn select(
             },
         };
         let id = found.trial.effect.id();
+        // Beside what explains most, next to nothing is evident, too, and may speak for another name of the most.
+        let counts = |next: &Model| selected.is_empty() || leftover::differs(bench, next, &current);
         // What rows give evidence for need not be where the whole model fits.
-        let fits = |(_, next): &(Selected, Model)| bench.chi2(next) < bench.chi2(&current);
+        let fits =
+            |(_, next): &(Selected, Model)| bench.chi2(next) < bench.chi2(&current) && counts(next);
         let fitted = forms::in_best(bench, &current, found).ok();
         let Some((found, mut next)) = fitted.filter(fits) else {
             unfit.push(id);
@@ -152,11 +155,6 @@ pub(super) fn select(
             let chi2 = bench.chi2(&next);
             let found = bench.or_anew(identify::reopened(&next), (next, chi2));
             (next, _) = bench.or_anew(identify::reopened_throughout(&found.0), found);
-        }
-        // Beside what explains most, next to nothing is evident, too, and may speak for another name of the most.
-        if !selected.is_empty() && !leftover::differs(bench, &next, &current) {
-            unfit.push(id);
-            continue;
         }
         unfit.clear();
         selected.push(found);

@@ -92,7 +92,7 @@ pub(super) fn add_levels(model: &mut Model, recordings: &[Recording]) {
     }
 }
 
-/// What the levels that were taken for readings may err by, drawn for each sample and the same for all of a level: of `N` readings with
+/// What the levels that were taken for readings may err by, for each sample, drawn once for each level: of `N` readings with
 /// noise `σ`, `σ/√N`. `None` where none were.
 pub(super) fn errors_of_levels(recording: &Recording, seed: u64) -> Option<Vec<f64>> {
     let readings = recording.readings.as_ref()?.iter().zip(&recording.u);
@@ -103,13 +103,13 @@ pub(super) fn errors_of_levels(recording: &Recording, seed: u64) -> Option<Vec<f
         *count += 1.0;
         *squares += (reading - level).powi(2);
     }
-    let error = |level: &f64| {
-        let Some((count, squares)) = levels.get(&level.to_bits()) else {
-            return 0.0;
-        };
-        let mut rng = ChaCha8Rng::seed_from_u64(seed ^ level.to_bits());
-        squares.sqrt() / count * 3f64.sqrt() * rng.random_range(-1.0..=1.0)
+    let drawn = |(level, (count, squares)): (u64, (f64, f64))| {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed ^ level);
+        let unit = 3f64.sqrt() * rng.random_range(-1.0..=1.0);
+        (level, squares.sqrt() / count * unit)
     };
+    let errors: HashMap<u64, f64> = levels.into_iter().map(drawn).collect();
+    let error = |level: &f64| errors.get(&level.to_bits()).copied().unwrap_or_default();
     Some(recording.u.iter().map(error).collect())
 }
 
