@@ -154,6 +154,11 @@ fn what_a_recording_cannot_show() {
         format!("{:?},{:?},{q:?}", s.t, s.u)
     });
     tells(&stalled, BASELINE, "frozen-position", &["4.04"]);
+    let losing = table(HEADER, |k, s| {
+        let q = if k < 2020 { s.q } else { s.q - 0.1 };
+        format!("{:?},{:?},{q:?}", s.t, s.u)
+    });
+    tells(&losing, BASELINE, "position-jumps", &["4.04 s"]);
     let late = table(HEADER, |k, s| {
         format!(
             "{:?},{:?},{:?}",

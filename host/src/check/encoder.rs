@@ -1,4 +1,4 @@
-//! Positions that say too little: coarse counts, samples that repeat, values that freeze.
+//! Positions that say too little: coarse counts, samples that repeat, values that freeze or jump.
 
 use super::{Warning, quantile, rms};
 use crate::effects::Quantity;
@@ -16,13 +16,18 @@ const CERTAIN_STEPS: f64 = 3.0;
 const REPEATS: f64 = 0.1;
 /// A frozen reading lasts this many samples at least, and catches up by this many times the usual step.
 const FROZEN: usize = 10;
+/// A jump is a step that differs from the one before and the one after by this many times what steps differ by, which all but one
+/// of fifty keep below: blows change the speed, and noise and counts stay within four times as much on real axes.
+const JUMP: f64 = 10.0;
+/// Id of the warning that readings of the position jump.
+pub(super) const JUMPS: &str = "position-jumps";
 
 pub(super) fn check(recording: &Recording, track: &Track, model: &Model) -> Vec<Warning> {
     let mut warnings = Vec::new();
     warnings.extend(coarse(recording, track, model));
     if let Some(q) = &recording.q {
         warnings.extend(repeated(recording, q, track));
-        warnings.extend(frozen(&recording.t, q));
+        warnings.extend(frozen(&recording.t, q).or_else(|| jumps(&recording.t, q)));
     }
     warnings
 }
@@ -125,9 +130,60 @@ fn frozen(t: &[f64], q: &[f64]) -> Option<Warning> {
     ))
 }
 
+/// A reading that is off the motion from one sample to the next, for a sample or for good.
+fn jumps(t: &[f64], q: &[f64]) -> Option<Warning> {
+    let steps: Vec<f64> = q.windows(2).map(|w| w[1] - w[0]).collect();
+    let changes = steps.windows(2).map(|w| (w[1] - w[0]).abs());
+    let least = JUMP * quantile(changes.collect(), 0.98);
+    // A gap in time explains a large step by itself: the three intervals are no longer than with half of one more.
+    let usual = quantile(t.windows(2).map(|w| w[1] - w[0]).collect(), 0.5);
+    let even = |k: usize| t[k + 2] - t[k - 1] < 3.5 * usual;
+    let beyond = |k: usize| {
+        let (before, after) = (steps[k] - steps[k - 1], steps[k] - steps[k + 1]);
+        if before * after > 0.0 {
+            before.abs().min(after.abs())
+        } else {
+            0.0
+        }
+    };
+    let jumps: Vec<usize> = (1..steps.len().max(1) - 1)
+        .filter(|&k| beyond(k) > least && even(k))
+        .collect();
+    let first = *jumps.first()?;
+    Some(Warning::suspect(
+        JUMPS,
+        format!(
+            "q jumps {} times by more than any motion, first by {} within one sample at {}: an encoder that loses counts, an index that sets them anew, or a bad word on the link. Cut these parts out, or mend cable and counter and record again.",
+            jumps.len(),
+            significant(
+                steps[first] - 0.5 * (steps[first - 1] + steps[first + 1]),
+                3
+            ),
+            quantity(t[first + 1], "s")
+        ),
+    ))
+}
+
 #[cfg(test)]
 mod tests {
-    use super::frozen;
+    use super::{frozen, jumps};
+
+    #[test]
+    fn lost_counts_are_seen_and_blows_are_not() {
+        let t: Vec<f64> = (0..5000).map(|k| f64::from(k) * 1e-3).collect();
+        let counts = |t: f64| (1000.0 * (2.0 * t).sin()).round() * 1e-3;
+        let mut q: Vec<f64> = t.iter().map(|t| counts(*t)).collect();
+        assert!(jumps(&t, &q).is_none());
+        q[3000..].iter_mut().for_each(|q| *q -= 0.042);
+        let text = jumps(&t, &q).unwrap().text;
+        assert!(
+            text.contains("1 times") && text.contains("at 3.00 s"),
+            "{text}"
+        );
+        // A stop that the axis bounces off every second.
+        let bounces: Vec<f64> = t.iter().map(|t| (t % 1.0 - 0.5).abs()).collect();
+        assert!(jumps(&t, &bounces).is_none());
+    }
 
     #[test]
     fn a_stalled_link_is_seen() {

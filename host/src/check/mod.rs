@@ -142,6 +142,11 @@ pub fn unresolved() -> Warning {
     )
 }
 
+/// Whether warnings say that the position jumps.
+pub fn jumps(warnings: &[Warning]) -> bool {
+    warnings.iter().any(|warning| warning.id == encoder::JUMPS)
+}
+
 /// Root mean square.
 fn rms(x: impl Iterator<Item = f64>) -> f64 {
     let (count, sum) = x.fold((0.0, 0.0), |(count, sum), x| (count + 1.0, sum + x * x));

@@ -90,7 +90,9 @@ pub fn diagnose(
     let strongest = found.findings.first().map(|f| f.id);
     // Nothing that rows show, at reversals or elsewhere.
     let shows = strongest.is_some() || found.unexplained.is_some();
-    if !shows || strongest.is_some_and(|id| AT_REVERSALS.contains(&id) && resolves(id)) {
+    let at_reversals = strongest.is_some_and(|id| AT_REVERSALS.contains(&id) && resolves(id));
+    // A jump of the position is no reversal, though it looks like two.
+    if !shows || at_reversals || check::jumps(&found.warnings) {
         return Ok(outcome);
     }
     let Some(mut elsewhere) = away_from_unresolved(bench, baseline, recordings, progress) else {

@@ -359,7 +359,10 @@ impl Data {
             halts.filter_map(value).min_by(|a, b| a.1.total_cmp(&b.1))
         };
         let mut step = (after - before) / (GRID - 1) as f64;
-        let mut best = lowest(&mut (0..GRID).map(|k| before + k as f64 * step))?;
+        // Positions that flicker between two counts seem to move on after the halt: as long again before is tried as well.
+        let earlier = ((before - self.first) / step).min((GRID - 1) as f64) as usize;
+        let halts = (0..GRID + earlier).map(|k| after - k as f64 * step);
+        let mut best = lowest(&mut { halts })?;
         while step > RESOLUTION {
             let halt = best.0[0];
             match lowest(&mut [halt - step, halt + step].into_iter()).filter(|n| n.1 < best.1) {
@@ -422,7 +425,7 @@ type Instants = [f64; 2];
 
 #[cfg(test)]
 mod tests {
-    use super::Reversal;
+    use super::{Drive, Reversal};
 
     /// Brakes at 30 rad/s², rests, and accelerates at 8 rad/s² the other way; sampled at 1 kHz, quantised.
     fn positions(halt: f64, start: f64, count: f64) -> Vec<f64> {
@@ -458,6 +461,30 @@ mod tests {
         let found = Reversal::fit(&q, 76, 88, 50..112, count / 12f64.sqrt(), -1.0, None).unwrap();
         assert!(
             (found.halt - 80.4).abs() < 3.0 && found.start - found.halt < 8.0,
+            "{found:?}"
+        );
+    }
+
+    /// A count that flickers long after the halt; the drive falls evenly, and lets go after 200 samples.
+    #[test]
+    fn a_rest_that_begins_before_the_last_count_is_found() {
+        let (halt, start) = (100.0, 300.0);
+        let q: Vec<f64> = (0..400)
+            .map(|k| {
+                let (before, after) = (halt - f64::from(k), f64::from(k) - start);
+                let moved = before.max(0.0).powi(2) + after.max(0.0).powi(2);
+                (-1e-3 * moved / 1e-2).round() * 1e-2 - if k == 155 { 1e-2 } else { 0.0 }
+            })
+            .collect();
+        let input: Vec<f64> = (0..400).map(|k| -0.01 * f64::from(k)).collect();
+        let drive = Drive {
+            input: &input,
+            inertia: 1.0,
+            coulomb: 1.001,
+        };
+        let found = Reversal::fit(&q, 155, 309, 60..340, 3e-3, -1.0, Some(&drive)).unwrap();
+        assert!(
+            (found.halt - halt).abs() < 5.0 && (found.start - start).abs() < 5.0,
             "{found:?}"
         );
     }
