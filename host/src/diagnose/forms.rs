@@ -10,13 +10,9 @@ use crate::recording::Recording;
 use crate::system;
 
 /// What was found in a model, or the rival that has more evidence in a form with more to it.
-pub(super) fn in_best(
-    bench: &Workbench,
-    model: &Model,
-    found: Selected,
-) -> Result<(Selected, Model)> {
+pub(super) fn in_best(scope: &Scope, model: &Model, found: Selected) -> Result<(Selected, Model)> {
     let close = |other: &&Trial| other.delta_bic >= 0.5 * found.trial.delta_bic;
-    let rivals = (found.others.iter().filter(close)).filter(|o| richer(o.effect).is_some());
+    let rivals = (found.others.iter().filter(close)).filter(|o| richer(scope, o.effect).is_some());
     let instead = |rival: &Trial| {
         let stood = found.others.iter().chain([&found.trial]);
         let others = stood.filter(|o| o.effect.id() != rival.effect.id());
@@ -25,10 +21,10 @@ pub(super) fn in_best(
             fast: found.fast,
             others: others.cloned().collect(),
         };
-        in_better(bench, model, rival).ok()
+        in_better(scope, model, rival).ok()
     };
     let rivals: Vec<(Selected, Model)> = rivals.filter_map(instead).collect();
-    let mut best = in_better(bench, model, found)?;
+    let mut best = in_better(scope, model, found)?;
     for rival in rivals {
         if rival.0.trial.delta_bic > best.0.trial.delta_bic {
             best = rival;
@@ -39,8 +35,8 @@ pub(super) fn in_best(
 
 /// A found effect in a model, in its other form if there is more to it in that and the evidence is better. What bends bristles is
 /// what they hold: more to them tells only once the whole model is fitted with it.
-fn in_better(bench: &Workbench, model: &Model, found: Selected) -> Result<(Selected, Model)> {
-    let own = found.trial.effect;
+fn in_better(scope: &Scope, model: &Model, found: Selected) -> Result<(Selected, Model)> {
+    let (bench, own) = (scope.bench, found.trial.effect);
     let (next, chi2) = bench.estimate(&select::with_trial(model, &found.trial))?;
     let fitted = |other: &'static dyn Effect| {
         let (richer, least) = bench.estimate(&model.with_effect(other)).ok()?;
@@ -49,7 +45,8 @@ fn in_better(bench: &Workbench, model: &Model, found: Selected) -> Result<(Selec
         Some((other, richer, least, price))
     };
     let worth = |(_, _, least, price): &(_, _, f64, f64)| chi2 - least - price;
-    let best = (richer_forms(own).filter_map(fitted)).max_by(|a, b| worth(a).total_cmp(&worth(b)));
+    let best = (richer_forms(scope.plain, own).filter_map(fitted))
+        .max_by(|a, b| worth(a).total_cmp(&worth(b)));
     let Some((other, richer, least, price)) = best.filter(|best| worth(best) > 0.0) else {
         return Ok((found, next));
     };
@@ -71,27 +68,29 @@ fn in_better(bench: &Workbench, model: &Model, found: Selected) -> Result<(Selec
 
 /// An effect in the form with most to it.
 pub(super) fn fullest(id: &str) -> Option<&'static dyn Effect> {
-    effects::find(id).map(|plain| richer(plain).unwrap_or(plain))
+    effects::find(id).map(|plain| richer_forms(&[], plain).last().unwrap_or(plain))
 }
 
-/// The form of an effect with most to it, if it has one with more to it, or that refines it.
-fn richer(effect: &dyn Effect) -> Option<&'static dyn Effect> {
-    richer_forms(effect).last()
+/// The form of an effect with most to it, if it has one with more to it, or that refines it, and that is sought.
+fn richer(scope: &Scope, effect: &dyn Effect) -> Option<&'static dyn Effect> {
+    richer_forms(scope.plain, effect).last()
 }
 
-/// The forms of an effect with more to them, or that refine it, those with most to them last.
-fn richer_forms(effect: &dyn Effect) -> impl Iterator<Item = &'static dyn Effect> {
+/// The forms of an effect with more to them, or that refine it unless it is to stay plain, those with most to them last.
+fn richer_forms(plain: &[&str], effect: &dyn Effect) -> impl Iterator<Item = &'static dyn Effect> {
     let own = effect.parameters().len();
+    let refined = !plain.contains(&effect.id());
     let others = effect.other_forms().iter().copied();
     others.filter(move |form| {
-        (form.refines() || form.parameters().len() > own) && !form.on_load_side()
+        let more = form.refines() || form.parameters().len() > own;
+        more && (refined || !form.refines()) && !form.on_load_side()
     })
 }
 
 /// The model without effects that another makes up for in its form with more to it, as a spring that rests elsewhere does for an
 /// offset, and a hardening spring that does for a spring: an effect more has to be worth its evidence.
 pub(super) fn absorbed(
-    bench: &Workbench,
+    scope: &Scope,
     baseline: &Model,
     selected: &mut Vec<Selected>,
     full: Model,
@@ -100,8 +99,9 @@ pub(super) fn absorbed(
     let mut rich = 0;
     while selected.len() > 1 && rich < selected.len() {
         let plain = effects::find(selected[rich].trial.effect.id());
-        let found = (plain.and_then(richer))
-            .and_then(|form| without_another(bench, baseline, (selected, &current), rich, form));
+        let found = (plain.and_then(|plain| richer(scope, plain))).and_then(|form| {
+            without_another(scope.bench, baseline, (selected, &current), rich, form)
+        });
         match found {
             Some((poor, instead, trial)) => {
                 selected[rich].trial = trial;

@@ -556,10 +556,11 @@ fn search(
         }
     };
     let nothing = (Vec::new(), before.clone());
-    let mut refuted: Vec<&str> = Vec::new();
+    let (mut refuted, mut plain) = (Vec::<&str>::new(), Vec::<&str>::new());
     let mut first = None;
     loop {
         let scope = Scope {
+            plain: &plain,
             sought: &|effect: &dyn Effect| load_side || !effect.on_load_side(),
             refuted: &refuted,
             ..Scope::usual(bench)
@@ -577,7 +578,10 @@ fn search(
             Settled::to_tell(model)
         };
         if let Some(id) = refutes(&usual.0, &settled)? {
-            refuted.push(id);
+            // What is too much is the form at first, if the effect was found in a plain one.
+            let refined = |s: &Selected| s.trial.effect.id() == id && s.trial.effect.refines();
+            let form = usual.0.iter().any(refined);
+            if form { &mut plain } else { &mut refuted }.push(id);
             continue;
         }
         if let Some(id) = sharpen::refuted(bench, before, &usual) {

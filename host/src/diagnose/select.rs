@@ -73,6 +73,8 @@ pub(super) struct Scope<'a> {
     pub sought: &'a (dyn Fn(&dyn Effect) -> bool + Sync),
     /// Effects that were refuted: they are not tried, and take no other's place.
     pub refuted: &'a [&'a str],
+    /// Effects of which forms that refine them were refuted: they stay plain.
+    pub plain: &'a [&'a str],
     /// Whether the evidence suffices.
     pub passes: &'a (dyn Fn(&Trial) -> bool + Sync),
     /// Whether it is for what only windows narrower than usual show. There, of effects without sufficient evidence only a load
@@ -88,6 +90,7 @@ impl<'a> Scope<'a> {
             usual: bench,
             sought: &|_| true,
             refuted: &[],
+            plain: &[],
             passes: &passes,
             fast: false,
         }
@@ -145,7 +148,7 @@ pub(super) fn select(
         // What rows give evidence for need not be where the whole model fits.
         let fits =
             |(_, next): &(Selected, Model)| bench.chi2(next) < bench.chi2(&current) && counts(next);
-        let fitted = forms::in_best(bench, &current, found).ok();
+        let fitted = forms::in_best(scope, &current, found).ok();
         let Some((found, mut next)) = fitted.filter(fits) else {
             unfit.push(id);
             continue;
@@ -162,7 +165,7 @@ pub(super) fn select(
         current = if scope.fast {
             next
         } else {
-            forms::absorbed(bench, model, &mut selected, next)
+            forms::absorbed(scope, model, &mut selected, next)
         };
         current = reexamine(scope, model, &mut selected, current, recordings)?;
         scan::tell_later_ends(&bench.problem, &bench.noise, &mut current);
@@ -464,6 +467,7 @@ fn again(
         Scope {
             sought: &sought,
             refuted: scope.refuted,
+            plain: scope.plain,
             ..Scope::usual(scope.usual)
         }
     };

@@ -86,6 +86,7 @@ pub(super) fn sharpened(
         usual: bench,
         sought: scope.sought,
         refuted: scope.refuted,
+        plain: scope.plain,
         slowest,
         before,
         found: &found,
@@ -135,6 +136,7 @@ struct Closer<'a> {
     usual: &'a Workbench,
     sought: &'a (dyn Fn(&dyn Effect) -> bool + Sync),
     refuted: &'a [&'a str],
+    plain: &'a [&'a str],
     /// Hz from which on usual windows dull.
     slowest: f64,
     before: &'a Model,
@@ -163,6 +165,7 @@ impl Closer<'_> {
             usual: self.usual,
             sought: &sought,
             refuted: self.refuted,
+            plain: self.plain,
             passes: &passes,
             fast: true,
         };
