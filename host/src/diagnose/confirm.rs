@@ -237,7 +237,10 @@ fn refuted(
     };
     let holds = counts && (dominates && !acts || shows());
     let shows_again = !few && held_out.shows_again();
-    let worse = worsens(with_it, &without_it, after.causality, shows_again)
+    // Free runs start from velocities that are smoothed over what is as fast: with a line in the model, they start wrong.
+    let dulled = selected.fast && !effect.divides() && shows_again;
+    let worse = !dulled
+        && worsens(with_it, &without_it, after.causality, shows_again)
         && !(dominates && outweighs(with_it, &without_it));
     let stays = holds && !worse;
     Ok((!stays).then_some((without, without_it)))

@@ -358,11 +358,14 @@ impl Data {
         let lowest = |halts: &mut dyn Iterator<Item = f64>| {
             halts.filter_map(value).min_by(|a, b| a.1.total_cmp(&b.1))
         };
-        let mut step = (after - before) / (GRID - 1) as f64;
-        // Positions that flicker between two counts seem to move on after the halt: as long again before is tried as well.
-        let earlier = ((before - self.first) / step).min((GRID - 1) as f64) as usize;
-        let halts = (0..GRID + earlier).map(|k| after - k as f64 * step);
+        // Positions that flicker between two counts seem to move on after the halt, so earlier ones are tried as well.
+        let evenly = |from: f64, to: f64| {
+            let step = (to - from) / (GRID - 1) as f64;
+            (0..GRID).map(move |k| from + k as f64 * step)
+        };
+        let halts = evenly(before, after).chain(evenly(self.first, before));
         let mut best = lowest(&mut { halts })?;
+        let mut step = (after - before) / (GRID - 1) as f64;
         while step > RESOLUTION {
             let halt = best.0[0];
             match lowest(&mut [halt - step, halt + step].into_iter()).filter(|n| n.1 < best.1) {
