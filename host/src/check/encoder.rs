@@ -16,8 +16,8 @@ const CERTAIN_STEPS: f64 = 3.0;
 const REPEATS: f64 = 0.1;
 /// A frozen reading lasts this many samples at least, and catches up by this many times the usual step.
 const FROZEN: usize = 10;
-/// A jump is a step that differs from the one before and the one after by this many times what steps differ by, which all but one
-/// of fifty keep below: blows change the speed, and noise and counts stay within four times as much on real axes.
+/// A jump is a step that differs from the one before and the one after by this many times what all but one of fifty that differ
+/// differ by: blows change the speed, and noise and counts stay within four times as much on real axes.
 const JUMP: f64 = 10.0;
 /// Id of the warning that readings of the position jump.
 pub(super) const JUMPS: &str = "position-jumps";
@@ -26,8 +26,9 @@ pub(super) fn check(recording: &Recording, track: &Track, model: &Model) -> Vec<
     let mut warnings = Vec::new();
     warnings.extend(coarse(recording, track, model));
     if let Some(q) = &recording.q {
+        let unit = model.unit(Quantity::Position);
         warnings.extend(repeated(recording, q, track));
-        warnings.extend(frozen(&recording.t, q).or_else(|| jumps(&recording.t, q)));
+        warnings.extend(frozen(&recording.t, q).or_else(|| jumps(&recording.t, q, unit)));
     }
     warnings
 }
@@ -131,10 +132,19 @@ fn frozen(t: &[f64], q: &[f64]) -> Option<Warning> {
 }
 
 /// A reading that is off the motion from one sample to the next, for a sample or for good.
-fn jumps(t: &[f64], q: &[f64]) -> Option<Warning> {
+fn jumps(t: &[f64], q: &[f64], unit: &str) -> Option<Warning> {
     let steps: Vec<f64> = q.windows(2).map(|w| w[1] - w[0]).collect();
     let changes = steps.windows(2).map(|w| (w[1] - w[0]).abs());
-    let least = JUMP * quantile(changes.collect(), 0.98);
+    // At rest and at an even speed there are none but of rounding.
+    let rounding = steps
+        .iter()
+        .fold(0.0, |most: f64, step| most.max(step.abs()))
+        * 1e-9;
+    let changes: Vec<f64> = changes.filter(|change| *change > rounding).collect();
+    if changes.is_empty() {
+        return None;
+    }
+    let least = JUMP * quantile(changes, 0.98);
     // A gap in time explains a large step by itself: the three intervals are no longer than with half of one more.
     let usual = quantile(t.windows(2).map(|w| w[1] - w[0]).collect(), 0.5);
     let even = |k: usize| t[k + 2] - t[k - 1] < 3.5 * usual;
@@ -155,9 +165,9 @@ fn jumps(t: &[f64], q: &[f64]) -> Option<Warning> {
         format!(
             "q jumps {} times by more than any motion, first by {} within one sample at {}: an encoder that loses counts, an index that sets them anew, or a bad word on the link. Cut these parts out, or mend cable and counter and record again.",
             jumps.len(),
-            significant(
+            quantity(
                 steps[first] - 0.5 * (steps[first - 1] + steps[first + 1]),
-                3
+                unit
             ),
             quantity(t[first + 1], "s")
         ),
@@ -173,16 +183,21 @@ mod tests {
         let t: Vec<f64> = (0..5000).map(|k| f64::from(k) * 1e-3).collect();
         let counts = |t: f64| (1000.0 * (2.0 * t).sin()).round() * 1e-3;
         let mut q: Vec<f64> = t.iter().map(|t| counts(*t)).collect();
-        assert!(jumps(&t, &q).is_none());
+        assert!(jumps(&t, &q, "rad").is_none());
         q[3000..].iter_mut().for_each(|q| *q -= 0.042);
-        let text = jumps(&t, &q).unwrap().text;
+        let text = jumps(&t, &q, "rad").unwrap().text;
         assert!(
             text.contains("1 times") && text.contains("at 3.00 s"),
             "{text}"
         );
         // A stop that the axis bounces off every second.
         let bounces: Vec<f64> = t.iter().map(|t| (t % 1.0 - 0.5).abs()).collect();
-        assert!(jumps(&t, &bounces).is_none());
+        assert!(jumps(&t, &bounces, "rad").is_none());
+        // An axis that hardly ever moves.
+        let hops: Vec<f64> = (0..5000).map(|k| f64::from(k / 1000)).collect();
+        let smooth = |k: usize| hops[k.saturating_sub(40)..=k].iter().sum::<f64>() / 41.0;
+        let hops: Vec<f64> = (0..5000).map(smooth).collect();
+        assert!(jumps(&t, &hops, "rad").is_none());
     }
 
     #[test]
