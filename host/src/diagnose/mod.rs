@@ -578,10 +578,7 @@ fn search(
             Settled::to_tell(model)
         };
         if let Some(id) = refutes(&usual.0, &settled)? {
-            // What is too much is the form at first, if the effect was found in a plain one.
-            let refined = |s: &Selected| s.trial.effect.id() == id && s.trial.effect.refines();
-            let form = usual.0.iter().any(refined);
-            if form { &mut plain } else { &mut refuted }.push(id);
+            bar(id, &usual.0, &mut refuted, &mut plain);
             continue;
         }
         if let Some(id) = sharpen::refuted(bench, before, &usual) {
@@ -592,7 +589,7 @@ fn search(
         if let Some(fast) = &fine {
             settled = Settled::as_it_is(fast.settle(bench, &selection.1, recordings)?);
             if let Some(id) = refutes(&selection.0, &settled)? {
-                refuted.push(id);
+                bar(id, &selection.0, &mut refuted, &mut plain);
                 continue;
             }
         }
@@ -602,6 +599,17 @@ fn search(
             fine,
             settled,
         });
+    }
+}
+
+/// Bars what was refuted of a selection: a form that refines an effect, if it was found in one, as the plain form was found before it,
+/// or else the effect.
+fn bar(id: &'static str, selected: &[Selected], refuted: &mut Vec<&str>, plain: &mut Vec<&str>) {
+    let refined = |s: &Selected| s.trial.effect.id() == id && s.trial.effect.refines();
+    if selected.iter().any(refined) && !plain.contains(&id) {
+        plain.push(id);
+    } else {
+        refuted.push(id);
     }
 }
 
@@ -957,6 +965,35 @@ mod tests {
         assert!(pieced(&terms, false));
         terms.retain(|t| t.effect.id() != "quadratic-drag");
         assert!(!pieced(&terms, true));
+    }
+
+    /// What waves of twice and three times the periods make doubtful may be plain cogging, which is barred the second time.
+    #[test]
+    fn a_form_that_refines_goes_before_its_effect() {
+        let cogging = crate::effects::find("cogging").unwrap();
+        let mut forms = cogging.other_forms().iter().copied();
+        let selected = |effect| Selected {
+            trial: Trial {
+                effect,
+                inner: [24.0, 0.0],
+                delta_bic: 0.0,
+                price: 0.0,
+                gain: trial::Gain::default(),
+                certain: true,
+                reopens: false,
+            },
+            fast: false,
+            others: Vec::new(),
+        };
+        let refined = [selected(forms.find(|form| form.refines()).unwrap())];
+        let (mut refuted, mut plain) = (Vec::new(), Vec::new());
+        bar("cogging", &refined, &mut refuted, &mut plain);
+        assert!(refuted.is_empty() && plain == ["cogging"]);
+        bar("cogging", &refined, &mut refuted, &mut plain);
+        assert!(refuted == ["cogging"]);
+        let (mut refuted, mut plain) = (Vec::new(), Vec::new());
+        bar("cogging", &[selected(cogging)], &mut refuted, &mut plain);
+        assert!(refuted == ["cogging"] && plain.is_empty());
     }
 
     /// Up to 3 rad a cubic outdoes a stiffness of −9 rad² times it.
