@@ -83,11 +83,19 @@ impl Reversal {
         let count = nodes.len() as f64;
         let data = Data::new(q, nodes.clone());
         let (before, after) = (before as f64, after as f64);
-        let driven = drive.and_then(|drive| data.search_driven(drive, direction, before, after));
-        let rests = driven.is_some_and(|([halt, start], _)| start > halt);
+        let driven = |before: f64, after: f64| {
+            drive.and_then(|drive| data.search_driven(drive, direction, before, after))
+        };
+        let rests = |driven: &(Instants, f64)| driven.0[1] > driven.0[0];
+        let shown = driven(before, after);
+        // Positions that flicker between two counts seem to move on after the halt. Where the drive lets go after none that they
+        // show, it may after an earlier one, for them to decide.
+        let earlier = shown.is_none().then(|| driven(data.first, before));
+        let earlier = earlier.flatten().filter(rests);
+        let shown = shown.filter(rests);
         let candidates = FORMS
             .iter()
-            .filter(|form| count > form.parameters() + 1.0 && (form.rests || !rests));
+            .filter(|form| count > form.parameters() + 1.0 && (form.rests || shown.is_none()));
         let mut fits: Vec<(Form, Instants, f64)> = candidates
             .filter_map(|&form| {
                 data.search(form, before, after)
@@ -95,11 +103,8 @@ impl Reversal {
             })
             .filter(|(form, at, _)| !form.rests || data.rest_shows(*at, noise))
             .collect();
-        fits.extend(
-            driven
-                .filter(|_| rests)
-                .map(|(at, rss)| (FORMS[0], at, rss)),
-        );
+        let driven = shown.into_iter().chain(earlier);
+        fits.extend(driven.map(|(at, rss)| (FORMS[0], at, rss)));
         let variance = |fit: &(Form, Instants, f64)| fit.2 / (count - fit.0.parameters());
         let least = fits.iter().map(variance).fold(f64::INFINITY, f64::min);
         let unit = least.max(noise * noise).max(f64::MIN_POSITIVE);
@@ -358,14 +363,8 @@ impl Data {
         let lowest = |halts: &mut dyn Iterator<Item = f64>| {
             halts.filter_map(value).min_by(|a, b| a.1.total_cmp(&b.1))
         };
-        // Positions that flicker between two counts seem to move on after the halt, so earlier ones are tried as well.
-        let evenly = |from: f64, to: f64| {
-            let step = (to - from) / (GRID - 1) as f64;
-            (0..GRID).map(move |k| from + k as f64 * step)
-        };
-        let halts = evenly(before, after).chain(evenly(self.first, before));
-        let mut best = lowest(&mut { halts })?;
         let mut step = (after - before) / (GRID - 1) as f64;
+        let mut best = lowest(&mut (0..GRID).map(|k| before + k as f64 * step))?;
         while step > RESOLUTION {
             let halt = best.0[0];
             match lowest(&mut [halt - step, halt + step].into_iter()).filter(|n| n.1 < best.1) {
