@@ -57,23 +57,6 @@ fn a_fast_hum_is_found() {
     );
 }
 
-/// Windows of the usual width pass little of 8.4 Hz, and the velocities that free runs start from are smoothed over it: with the hum in
-/// the model they start wrong, which does not refute what the rows of the held-out part show again.
-#[test]
-fn a_slow_hum_is_found_though_free_runs_start_without_it() {
-    let hum = "[effects.periodic-disturbance]\namplitude = 0.012\nphase = 0.4\nfrequency = 8.4\n";
-    for seed in [1, 2, 4] {
-        let options = format!(
-            "--excite multisine --amplitude 0.4 --band 0.2:3 --duration 24 --counts 4096 --noise 0.01 --seed {seed}"
-        );
-        let json = diagnosed_of(&format!("{PLAIN}{hum}"), BASELINE, &options);
-        let findings = json["findings"].as_array().expect("a list");
-        let ids: Vec<&Value> = findings.iter().map(|f| &f["id"]).collect();
-        assert_eq!(json["verdict"], "explained", "{seed}: {}", json["text"]);
-        assert_eq!(ids, ["periodic-disturbance"], "{seed}: {}", json["text"]);
-    }
-}
-
 /// A torque that is not recorded drives the axis six times as strongly as the one that is. No window contradicts a model that
 /// takes it for noise, but neither does the model predict anything.
 #[test]
